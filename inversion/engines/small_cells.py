@@ -37,6 +37,8 @@ OTHER_SPACINGS, LEAST_POINTS = (2.0, 1.5, 0.6), 200
 #: ln q of the first two runs, distance of the other two from where these say it is, and the
 #: largest that is looked for.
 FIRST, NEAR, MOST_LOG = (0.0, -0.1), 0.05, 0.6
+#: Standard deviations of the survey by which a factor of e must move the numbers, to be noticed.
+LEAST_SLOPE = 0.1
 
 
 class SmallCells(StrictDocument):
@@ -128,7 +130,7 @@ def log_of_same_slide(engine: Forward, setup: Setup, values: np.ndarray, other: 
             return float("nan")
         away = np.array(logs) - np.mean(logs)
         slope = away @ off[:, read] / (away @ away)
-        if not slope @ slope > 0.0:
+        if np.linalg.norm(slope) < LEAST_SLOPE:
             return float("nan")
         where = float(np.mean(logs) - (slope @ off[:, read].mean(axis=0)) / (slope @ slope))
         where = float(np.clip(where, -MOST_LOG, MOST_LOG))

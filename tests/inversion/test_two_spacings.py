@@ -10,7 +10,7 @@ import pytest
 from geometry.case import load_case
 from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import inversion_case
-from inversion.back_analysis.changed_answers import Here, Solved, largest, limit_of_cells
+from inversion.back_analysis.changed_answers import Here, Solved, largest
 from inversion.back_analysis.perturbed_answers import Problem
 from inversion.engines.run_store import RunStore
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
@@ -18,7 +18,7 @@ from inversion.estimation.calibrate import calibrate, refine
 from inversion.estimation.derivatives import FiniteSteps
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.question import CellSize
+from inversion.problem.question import TimeStep
 from pipeline.config import load_config
 from tests.dams import dam_with_pool
 from tests.inversion.analytic import Formula, angle, problem, strength, targets
@@ -87,27 +87,14 @@ def test_moved_coarse_runs_agree_with_the_fine_one_and_carry_its_changes():
     assert both[0].values == pytest.approx(both[1].values)
 
 
-def solved(name: str, change: float, factor: float = 2.0) -> Solved:
+def solved(name: str, change: float) -> Solved:
     """A sensitivity that multiplies the first parameter."""
     objective = problem(PARAMETERS.specs, fine, targets(53.0)).objective
     values = np.array([27.5 * change, 31.0])
     one = Problem(engine(fine), objective, values, np.zeros((1, 2)))
     (found,) = one.setup.predict([one.setup.at(values)])
     one.receive(replace(found, values=np.array([53.0])))
-    return Solved(CellSize(name=name, kind="cell_size", factor=factor), None, one)
-
-
-def test_the_limit_of_small_cells_is_that_of_an_error_in_proportion_to_the_cell():
-    truth, slope = 25.0, 0.03
-
-    def strength_at(cell: float) -> float:
-        return truth * np.exp(slope * cell)
-
-    here = Here(np.array([strength_at(1.0), 31.0]), None)
-    for factor in (0.5, 1.5, 2.0):
-        one = solved("cell", strength_at(factor) / 27.5, factor)
-        # The prior draws the refined values by a hair.
-        assert limit_of_cells(one, here, factor)["a"] == pytest.approx(truth, rel=1e-3)
+    return Solved(TimeStep(name=name, kind="time_step", factor=2.0), None, one)
 
 
 def test_the_largest_sensitivities_are_checked_until_little_is_left():

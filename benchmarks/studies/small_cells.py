@@ -1,0 +1,214 @@
+"""How well does a back-analysis find a strength whose slide was made with far smaller cells?
+
+    python -m benchmarks.studies.small_cells [--twins 60] [--page]
+
+Random free-standing dams of hydraulic fill and embankment dams, most of them with a pool. Each is
+simulated with points H/60 apart, H its height, and the toe surveyed with an error of 5 % of the
+runout, which is at most 2.5 H; then `flowslide invert --quick` is asked for the strength, with points H/20 apart. Errors
+of a survey are quantiles of the normal distribution in a random order, so that they cancel in the
+mean. Twins whose toe hardly notices the strength make no question and are drawn again.
+
+What is done lies in `results/benchmarks/small_cells`, a file a twin, so that a study that was
+stopped resumes; the figures are kept in `small_cells.json` and shown on
+`docs/method/inversion.md`, which `--page` alone renews.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from benchmarks.back_analysis.twin_cases import height_of, runout
+from benchmarks.generated_pages import ROOT, renew, table
+from flowslide import back_analyse
+from geometry.random_scenes.embankment_dam import draw_dam
+from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
+from geometry.scenes.scene import Scene, save_scene
+from geometry.sides import SIDES, Side
+from inversion.engines.run_store import RunStore
+from inversion.problem.scene_changes import with_properties
+from pipeline.cli import InputError
+from pipeline.config import load_config
+from pipeline.files import read_json, write_json, write_text, yaml_text
+from pipeline.random_numbers import Stream
+
+FOLDER = ROOT / "results/benchmarks/small_cells"
+RECORD = Path(__file__).with_suffix(".json")
+PAGE = ROOT / "docs/method/inversion.md"
+SEED, TWINS = 42_600, 60
+#: Points of the slide and of the back-analysis in a height; jitter of the slide's.
+FINE, ASKED, JITTER = 60.0, 20.0, 0.5
+#: Standard deviation of the survey over the runout; least and largest runout, and least change of
+#: it with 30 % more strength, in heights.
+SURVEY, RUNOUT, LEAST_EFFECT, STRONGER = 0.05, (0.3, 2.5), 0.1, 1.3
+
+Record = dict[str, Any]
+
+
+def truth_of(number: int, store: RunStore) -> tuple[Scene, list[str], float, Side, float]:
+    """A dam at the spacing of the question, its liquefied zones, S_r [kPa], side and runout [m].
+
+    Raises:
+        InputError: no dam in a hundred makes a question.
+    """
+    settings = load_config(None).simulation
+    for attempt in range(100):
+        index = 100 * number + attempt
+        draw = draw_dam if number % 2 else draw_hydraulic_fill_dam
+        dam = draw(SEED, index, 1.0)
+        soils = dam.materials
+        zones = [zone.name for zone in dam.zones if soils[zone.material].liquefied]
+        height = height_of(dam)
+        own = {soils[zone.material].cohesion_kpa for zone in dam.zones if zone.name in zones}
+        if len(own) != 1:
+            continue
+        strength = own.pop()
+        try:
+            asked, fine = (
+                dam.changed(spacing=round(height / points, 4)) for points in (ASKED, FINE)
+            )
+        except ValueError:  # a zone is a sliver
+            continue
+        fine = fine.changed(jitter=JITTER, seed=Stream(SEED, index).seed() % 2**31)
+        stronger = with_properties(
+            asked, [(zone, "cohesion_kpa", STRONGER * strength) for zone in zones]
+        )
+        runs = store.fetch([(scene, settings) for scene in (asked, stronger)])
+        if any(run.status == "failed" or not run.at_rest for run in runs):
+            continue
+        for side in SIDES:
+            here, there = (runout(asked, run, side) for run in runs)
+            far_enough = RUNOUT[0] * height <= here <= RUNOUT[1] * height
+            if not far_enough or here - there < LEAST_EFFECT * height:
+                continue
+            (slide,) = store.fetch([(fine, settings)])
+            if slide.status == "failed" or not slide.at_rest:
+                break
+            return asked, zones, strength, side, runout(fine, slide, side)
+    raise InputError(f"twin {number}: no dam makes a question")
+
+
+def write_case(folder: Path, number: int, twins: int, store: RunStore) -> Record:
+    """The case folder of a twin; what is true of it."""
+    scene, zones, strength, side, far = truth_of(number, store)
+    order = np.random.default_rng(SEED).permutation(twins)
+    error = float(ndtri((order[number] + 0.5) / twins))
+    toe = far * (1.0 + SURVEY * error)
+    first = 0.06 * 2000.0 * 9.81e-3 * height_of(scene)
+    folder.mkdir(parents=True, exist_ok=True)
+    save_scene(
+        with_properties(scene, [(zone, "cohesion_kpa", first) for zone in zones]),
+        folder / "scene.yaml",
+    )
+    entry = {
+        "name": "toe", "type": "toe_runout", "side": side, "value_m": round(toe, 4),
+        "std_m": round(SURVEY * far, 4), "std_is": "assumed", "confidence": "assumed",
+        "source": "simulated, with an error",
+    }  # fmt: skip
+    measured = {
+        "case": folder.name, "upstream": side, "initial": {}, "default_set": "survey",
+        "sets": {"survey": [entry]},
+    }  # fmt: skip
+    unknown = {
+        "name": "residual_strength", "zones": zones, "property": "residual_strength_kpa",
+        "start": first, "low": first / 20.0, "high": 20.0 * first,
+    }  # fmt: skip
+    for name, document in (("measurements", measured), ("inversion", {"parameters": [unknown]})):
+        write_text(folder / f"{name}.yaml", yaml_text(document, allow_unicode=True))
+    return {"height_m": height_of(scene), "true_kpa": strength, "runout_m": far}
+
+
+def judged(number: int, twins: int) -> Record:
+    """One twin: what is true and what is found, kept in a file."""
+    path = FOLDER / f"twin_{number:03d}.json"
+    record: Record = read_json(path) if path.is_file() else {}
+    case = FOLDER / "cases" / f"twin_{number:03d}"
+    if "true_kpa" not in record:
+        with_runs = RunStore(FOLDER / "truths", threads=1)
+        record = write_case(case, number, twins, with_runs)
+        write_json(path, record)
+    if "found_kpa" not in record:
+        result = back_analyse(case, quick=True, out=FOLDER / "answers" / case.name, threads=1)
+        (p,) = result.answer.parameters
+        cells = result.answer.small_cells
+        record.update(
+            found_kpa=p.value, ran_kpa=p.as_run, std_kpa=p.std_total, interval=p.interval_95,
+            other_spacing=cells and cells.other_spacing_m and cells.other_spacing_m
+            / cells.spacing_m, log_std=cells and cells.log_std, reached=result.answer.reached,
+            runs=result.runs, runs_to_answer=result.runs_to_answer, words=result.answer.words,
+        )  # fmt: skip
+        write_json(path, record)
+    return record
+
+
+def figures(records: list[Record]) -> Record:
+    """What the table shows."""
+    true = np.array([one["true_kpa"] for one in records])
+    found = np.array([one["found_kpa"] for one in records])
+    ran = np.array([one["ran_kpa"] for one in records])
+    ends = np.array([one["interval"] for one in records])
+    cells = np.array([one["log_std"] for one in records])
+    std = np.sqrt(
+        np.maximum((np.array([one["std_kpa"] for one in records]) / found) ** 2 - cells**2, 0.0)
+    )
+    rows = {}
+    for name, values, covered in (
+        ("as the runs have it", ran, np.abs(np.log(ran / true)) <= 1.96 * std),
+        ("in small cells", found, (ends[:, 0] <= true) & (true <= ends[:, 1])),
+    ):
+        off = values / true - 1.0
+        rows[name] = {
+            "mean": float(off.mean()),
+            "median": float(np.median(off)),
+            "scatter": float(np.median(np.abs(off - np.median(off))) * 1.4826),
+            "within_95": float(covered.mean()),
+        }
+    return {
+        "twins": len(records),
+        "rows": rows,
+        "runs": float(np.median([one["runs"] for one in records])),
+        "runs_to_answer": float(np.median([one["runs_to_answer"] for one in records])),
+        "unknown": sum(one["other_spacing"] is None for one in records),
+    }
+
+
+def page(found: Record) -> None:
+    """Renew the table on the page."""
+    rows = [
+        [
+            name,
+            *(f"{100 * row[key]:+.1f} %" for key in ("mean", "median")),
+            f"{100 * row['scatter']:.1f} %",
+            f"{100 * row['within_95']:.0f} %",
+        ]
+        for name, row in found["rows"].items()
+    ]
+    head = ["S_r", "mean error", "median error", "scatter", "truth in the 95 % interval"]
+    renew(PAGE, small_cells=table(head, rows))
+
+
+def main() -> None:
+    """The study."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.studies.small_cells", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--twins", type=int, default=TWINS, help=f"how many; default {TWINS}")
+    parser.add_argument("--page", action="store_true", help="renew the page from the record alone")
+    asked = parser.parse_args()
+    if not asked.page:
+        records = []
+        for number in range(asked.twins):
+            records.append(one := judged(number, asked.twins))
+            off = 100 * (one["found_kpa"] / one["true_kpa"] - 1.0)
+            print(f"twin {number + 1} of {asked.twins}: {off:+.1f} %", flush=True)
+        write_json(RECORD, figures(records))
+    page(read_json(RECORD))
+
+
+if __name__ == "__main__":
+    main()
