@@ -618,14 +618,15 @@ def _predict_section(
     section = prediction_case(run.case(case), spacing_m=spacing_m)
     known = placed(read, list(zones) or section.default_zones, section.scene)
     chosen, setup = untrained(engine), section.setup(known)
-    forward = chosen.made(chosen.store_of(section.folder, setup, run.store(folder)))
+    store = chosen.store_of(section.folder, setup, run.store(folder))
     run.watch.plan({"simulating": (1 + seeds) * 7})
     with working_in(folder):
         with run.watch.stage("simulating"):
             found = prediction.predict(
-                forward,
+                chosen.made(store),
                 setup,
                 known,
+                cells=section.cells_by(chosen, store, setup),
                 jittered=[section.setup(known, jitter_seed=s) for s in range(1, seeds + 1)],
                 samples=samples,
             )

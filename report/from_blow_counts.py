@@ -12,6 +12,7 @@ from typing import Any
 from report.charts.from_blow_counts import draw_quantities
 from report.numbers import fixed, span
 from report.page import Section, said, shown, tabulated, write_page
+from report.prediction import cells_of
 from report.table import Table, plain
 
 PAGE = "from_blow_counts.html"
@@ -170,4 +171,4 @@ def _doubts(document: dict[str, Any]) -> list[str]:
         found.append(
             f"Only the other kind of blow count is known for some layer: {'; '.join(other)}."
         )
-    return found
+    return found + cells_of(document)

@@ -15,6 +15,7 @@ from report.charts.corner import draw_corner
 from report.charts.posterior import draw_before_after, draw_predicted, draw_shares
 from report.numbers import number, plural, with_unit
 from report.page import Section, folded, said, shown, tabulated, write_page
+from report.sentences.small_cells import cells_words
 from report.table import plain
 from report.tables import posterior as tables
 
@@ -50,9 +51,15 @@ def summary(document: PosteriorDocument) -> str:
         tables.predicted_table(document).text(without=["before the data"]),
         *(table.text() for table in tables.share_tables(document)),
         tables.nuisance_table(document).text(without=["prior"]),
-        "\n".join(map(plain, [evidence_sentence(document), *document.remarks])),
+        "\n".join(map(plain, [evidence_sentence(document), *_cells(document), *document.remarks])),
     ]
     return "\n\n".join(part for part in parts if part)
+
+
+def _cells(document: PosteriorDocument) -> list[str]:
+    """What the cells make of its strengths."""
+    cells = document.small_cells
+    return [] if cells is None or not cells.known else [cells_words(cells)]
 
 
 def _by(document: PosteriorDocument) -> str:

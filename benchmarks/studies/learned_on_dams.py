@@ -239,7 +239,7 @@ def answer_of(title: str, name: str, spacing: float) -> str:
         for engine, pairs in ((MPM.name, 0), ("direct", 0), ("direct", PAIRED))
     )
     setup = inversion_case(load_case(CASES / name), spacing_m=spacing).setup
-    found = np.array([one.value for one in corrected.answer.parameters])
+    found = np.array([one.as_run for one in corrected.answer.parameters])
     (judged,) = MPM.forward(RunStore(None)).predict([setup.at(found)])
     numbers = zip(setup.targets.names, judged.values, setup.targets.measured, strict=True)
     toes = [f"{own:.1f} ({target:g})" for number, own, target in numbers if "toe" in number]

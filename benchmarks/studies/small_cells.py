@@ -4,9 +4,10 @@
 
 Random free-standing dams of hydraulic fill and embankment dams, most of them with a pool. Each is
 simulated with points H/60 apart, H its height, and the toe surveyed with an error of 5 % of the
-runout, which is at most 2.5 H; then `flowslide invert --quick` is asked for the strength, with points H/20 apart. Errors
-of a survey are quantiles of the normal distribution in a random order, so that they cancel in the
-mean. Twins whose toe hardly notices the strength make no question and are drawn again.
+runout; then `flowslide invert --quick` is asked for the strength, with points H/20 apart. Errors of
+a survey are quantiles of the normal distribution in a random order, so that they cancel in the
+mean. Twins whose toe hardly notices the strength, or runs beyond 2.5 H already with points H/20
+apart, are drawn again.
 
 What is done lies in `results/benchmarks/small_cells`, a file a twin, so that a study that was
 stopped resumes; the figures are kept in `small_cells.json` and shown on

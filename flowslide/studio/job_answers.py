@@ -22,6 +22,7 @@ from report.numbers import at_least, fixed, number, span, unit_of, with_unit
 from report.posterior import answer_sentence
 from report.sentences.back_analysis import answer_words
 from report.sentences.diagnosis import UNEXPLAINED, quoted_value
+from report.sentences.small_cells import cells_words
 
 Found = dict[str, Any]
 MOST_MOVERS, MOST_NEXT = 3, 2
@@ -102,8 +103,11 @@ def back_analysis(result: Result) -> Found:
                     zones=p.zones,
                 )
             )
+    cells = result.answer.small_cells
+    if cells is not None:
+        lines.append(cells_words(cells))
     return _found(
-        lines, strengths, (_value(p.property, p.zones, p.value) for p in result.answer.parameters)
+        lines, strengths, (_value(p.property, p.zones, p.as_run) for p in result.answer.parameters)
     )
 
 
@@ -136,8 +140,16 @@ def posterior(document: PosteriorDocument) -> Found:
         for one in document.parameters
         if one.property in STRENGTHS
     ]
-    values = (_value(one.property, one.zones, one.after.median) for one in document.parameters)
-    return _found([answer_sentence(document)], strengths, values)
+    cells = document.small_cells
+    factor = {} if cells is None else dict.fromkeys(STRENGTHS, cells.factor)
+    values = (
+        _value(one.property, one.zones, one.after.median / factor.get(one.property, 1.0))
+        for one in document.parameters
+    )
+    lines = [answer_sentence(document)]
+    if cells is not None:
+        lines.append(cells_words(cells))
+    return _found(lines, strengths, values)
 
 
 def prediction(document: Found) -> Found:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeVar
 
 from geometry.survey.sets import Sets
 from inversion.back_analysis.variants import Changed, sides, vary
-from inversion.engines.small_cells import LEAST_POINTS, OTHER_SPACINGS
+from inversion.engines.small_cells import other_spacings
 from inversion.estimation.data import Targets, make_targets
 from inversion.estimation.forward import Setup
 from inversion.estimation.misfit import Objective
@@ -134,17 +134,9 @@ class Asked(ABC):
     # --- small cells ---
 
     def other_cells(self, setup: AnySetup) -> Iterator[AnySetup]:
-        """A setup at other spacings, to tell what its cells make of it; the asked ones come first.
-
-        A run of a body takes minutes: there only what the question asks for.
-        """
+        """A setup at other spacings, to tell what its cells make of it; the asked ones first."""
         asked = [one.factor for one in self.question.sensitivities if isinstance(one, CellSize)]
-        more = OTHER_SPACINGS if self.dimensions == 2 else ()
-        for factor in dict.fromkeys((*asked, *more)):
-            other = self.at_spacing(factor * self.spacing_m, setup)
-            points = self.point_count / factor**self.dimensions
-            if other is not None and (points >= LEAST_POINTS or factor in asked):
-                yield other
+        return other_spacings(setup, self.point_count, self.dimensions, self.source, asked)
 
     # --- other readings ---
 

@@ -56,7 +56,7 @@ from inversion.back_analysis.result_builder import compared_relations
 from inversion.classical.slices import WaterForm
 from inversion.engines.registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import Store
-from inversion.engines.small_cells import SmallCells, factors_of, small_cells
+from inversion.engines.small_cells import SmallCells, cells_by, factors_of
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, further_starts, refine
@@ -329,14 +329,7 @@ class BackAnalysis:
         """
         if self.objective.limit or not self.case.parameters.strengths.any():
             return
-        setup, engine = self.case.setup, self.engine_of_cells()
-        if engine is None:
-            why = f"{self.described.description} has no cells of its own"
-            self.cells = SmallCells.unknown(self.case.spacing_m, why)
-        else:
-            others = self.case.other_cells(setup)
-            self.cells = small_cells(engine, setup, self.found.values, others)
-            self._count(engine)
+        self.cells = self.cells_at(self.found.values)
         if not self.cells.known:
             self.remark(self.cells.words)
             return
@@ -348,9 +341,11 @@ class BackAnalysis:
         )
         self.say(f"{self.cells.words}: in small cells {listed}")
 
-    def engine_of_cells(self) -> Forward | None:
-        """The engine whose cells the answer has; None: there are none."""
-        return self.engine_of()
+    def cells_at(self, values: np.ndarray) -> SmallCells:
+        """What the cells make of the strengths among values (p,)."""
+        setup = self.case.setup
+        others = self.case.other_cells(setup)
+        return cells_by(self.described, self.store, setup, values, others)
 
     def search_from_elsewhere(self) -> None:
         """Ask again from other first guesses; the answer should not depend on them."""

@@ -115,6 +115,11 @@ class Store:
         names = ("device", "threads", "on_run", "on_frame")
         return {name: getattr(self, name) for name in names}
 
+    @property
+    def of_cells(self) -> Store:
+        """The store of the runs that tell what the cells make of a strength."""
+        return self
+
     def refused(self, setup: Setup) -> str:
         """Why it does not simulate a setup; empty: it does."""
         return ""

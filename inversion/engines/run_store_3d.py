@@ -48,6 +48,11 @@ class RunStore3d(RunStore):
             raise InputError(f"device {self.device}: three dimensions run on the CPU alone")
         self.section, self.flanks = section, flanks
 
+    @property
+    def of_cells(self) -> RunStore:
+        """Plane runs: cells cost in a section what they cost over a width."""
+        return RunStore(self.folder, **self.options)
+
     @contextmanager
     def workers(self) -> Iterator[None]:
         """None: a run uses all threads."""

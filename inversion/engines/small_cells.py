@@ -13,15 +13,29 @@ the law does not hold between them, nothing is taken off and the strength is les
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 from pydantic import Field
 
-from inversion.estimation.forward import Forward, Prediction, Request, Setup, WrappedEngine
+from inversion.engines.registry import Engine
+from inversion.engines.run_store import Store
+from inversion.estimation.forward import (
+    Forward,
+    Prediction,
+    Request,
+    SectionSetup,
+    Setup,
+    WrappedEngine,
+)
 from inversion.estimation.unknowns import Parameters
+from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
+
+AnySetup = TypeVar("AnySetup", bound=Setup)
 
 #: Power of the cell with which strengths approach their limit, of 60 random dams.
 ORDER = 1.45
@@ -61,6 +75,52 @@ class SmallCells(StrictDocument):
     def known(self) -> bool:
         """Two spacings have told the factor."""
         return self.other_spacing_m is not None
+
+
+def other_spacings(
+    setup: AnySetup, points: int, dimensions: int, source: str, asked: Sequence[float] = ()
+) -> Iterator[AnySetup]:
+    """A setup at other spacings, in the order in which they are tried.
+
+    Args:
+        setup: with the spacing that is asked about.
+        points: of it.
+        dimensions: 2; of 3 a run takes minutes, so only what is asked for.
+        source: file of the question, for messages.
+        asked: spacings over that of the setup that come first.
+    """
+    more = OTHER_SPACINGS if dimensions == 2 else ()
+    for factor in dict.fromkeys((*asked, *more)):
+        if points / factor**dimensions < LEAST_POINTS and factor not in asked:
+            continue
+        try:
+            yield setup.at_spacing(factor * setup.scene.spacing, source)
+        except InputError:  # a zone would be too thin
+            continue
+
+
+def cells_by(
+    engine: Engine, store: Store, setup: Setup, values: np.ndarray, others: Iterable[Setup]
+) -> SmallCells:
+    """What the cells of an engine's runs make of the strengths of a setup.
+
+    Of a section between flanks plane runs tell it, at a hundredth of the time.
+
+    Args:
+        engine: whose runs they are.
+        store: of its runs.
+        setup: with the spacing that is asked about.
+        values: of its parameters, (p,).
+        others: the same at other spacings, in the order in which they are tried.
+    """
+    ahead = iter(others)
+    first = next(ahead, None)
+    if first is not None and engine.unseen is not None and isinstance(setup, SectionSetup):
+        assert isinstance(first, SectionSetup)
+        if reason := engine.unseen(setup, first):
+            return SmallCells.unknown(setup.scene.spacing, reason)
+    there = () if first is None else (first,)
+    return small_cells(engine.made(store.of_cells), setup, values, chain(there, ahead))
 
 
 def small_cells(

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role
 from pipeline.config import validate_settings
 from pipeline.documents import StrictDocument, document_schema
@@ -122,6 +123,11 @@ class PosteriorDocument(StrictDocument):
     numbers: list[PredictedNumber]
     other_ways: dict[str, dict[str, float]] = Field(
         description="change of the numbers with each other way to simulate; errors of the model"
+    )
+    small_cells: SmallCells | None = Field(
+        None,
+        description="what turned strengths of runs into all of those told here, its error among "
+        "theirs; null: they are as the runs had them",
     )
     correlation: list[list[float]] = Field(description="of the unknowns after the data")
     evidence: Evidence

@@ -21,6 +21,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Targets
 from inversion.posterior.emulator import LEAST_RUNS, LINEAR_STD, Emulator, Warp, make_emulator
 from inversion.posterior.likelihood import Likelihood
@@ -62,6 +63,7 @@ class Inference(Generic[AnyModel]):
         read: (all numbers of the model,) bool: enough runs could be read; these are the k numbers.
         otherwise: change of the numbers with each other way to simulate, (k,) by name.
         engine_std: of the engine's own error of the numbers, (k,), in the middle of the posterior.
+        cells: what the size of the cells makes of the strengths there; None: nothing.
         remarks: on what could not be found.
         timings: of the stages [s].
     """
@@ -76,6 +78,7 @@ class Inference(Generic[AnyModel]):
     read: np.ndarray = field(init=False)
     otherwise: dict[str, np.ndarray] = field(default_factory=dict)
     engine_std: np.ndarray = field(init=False)
+    cells: SmallCells | None = None
     remarks: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
 
@@ -193,6 +196,9 @@ class Inference(Generic[AnyModel]):
         if not np.isfinite(own[fitted]).all():
             self.remarks.append("the engine's own error could not be found and is left out")
         self.engine_std = np.nan_to_num(own)
+        self.cells = self.model.cells_at(self.values[middle[0]])
+        if self.cells is not None and not self.cells.known:
+            self.remarks.append(self.cells.words)
 
     def _in_the_middle(self) -> list[int]:
         """Runs in the middle of the posterior, the first the best: others where that one fails."""
@@ -285,6 +291,32 @@ class Inferred(Generic[AnyModel]):
     def values(self) -> np.ndarray:
         """Posterior draws of the unknowns, (s, q)."""
         return at_shares(self.likelihood.emulator.unknowns, self.sampled.shares)
+
+    @cached_property
+    def told(self) -> np.ndarray:
+        """The same with strengths in small cells, whose share of the error is drawn, (s, q).
+
+        What a prior alone says of a strength the cells do not change.
+        """
+        cells, found = self.inference.cells, self.values.copy()
+        if cells is None:
+            return found
+        random = np.random.default_rng([self.inference.settings.seed, 11])
+        log = np.log(cells.factor) + cells.log_std * random.standard_normal(len(found))
+        for place, unknown in enumerate(self.likelihood.emulator.unknowns):
+            if unknown.unit == "kPa":
+                found[:, place] *= np.exp(self._known_by_data(place) * log)
+        return found
+
+    def _known_by_data(self, place: int) -> float:
+        """Share of an unknown's prior variance that the data take off; 1: it had bounds alone."""
+        unknown = self.likelihood.emulator.unknowns[place]
+        if unknown.normal is None:
+            return 1.0
+        after, before = (
+            np.var(unknown.transformed(draws[:, place])) for draws in (self.values, self.prior)
+        )
+        return float(np.clip(1.0 - after / max(before, 1e-300), 0.0, 1.0))
 
     @cached_property
     def prior(self) -> np.ndarray:

@@ -15,11 +15,11 @@ import numpy as np
 
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import Store
+from inversion.engines.small_cells import SmallCells, cells_by
 from inversion.estimation.forward import Forward, Prediction, SectionSetup, Setup
 from inversion.posterior.unknown import Unknown, VariedCase
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
-    CellSize,
     OtherSetting,
     TimeStep,
 )
@@ -60,6 +60,10 @@ class Model(Protocol):
 
     def error_std(self, values: np.ndarray) -> np.ndarray:
         """Standard deviation of the engine's own error of the numbers (k,) at values (q,)."""
+        ...
+
+    def cells_at(self, values: np.ndarray) -> SmallCells | None:
+        """What the cells make of the strengths at values (q,); None: nothing."""
         ...
 
 
@@ -146,7 +150,7 @@ class CaseModel:
         available, _ = self.varied.case.sensitivities_of(self.store.refused)
         known, left_out = [], []
         for sensitivity, sides in available:
-            if not isinstance(sensitivity, CellSize | TimeStep | OtherSetting):
+            if not isinstance(sensitivity, TimeStep | OtherSetting):
                 continue
             for side in sides:
                 own, reason = self.varied.case.setup, ""
@@ -159,21 +163,11 @@ class CaseModel:
         return known, left_out
 
     def simulated_otherwise(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        """Change of the numbers (k,) at values (q,) with each other way to simulate, by its name.
-
-        Another cell size is compared at the spacing of the answer, all else by coarse runs.
-        """
+        """See `Model`; by coarse runs."""
+        here = self._setup(values, self.two_fidelities)
         setups: list[Setup | None] = []
         for _, change in self.other_ways:
-            spacing, case = change.scene.spacing, self.varied.case
-            other_cells = spacing != case.spacing_m
-            here = self._setup(values, self.two_fidelities and not other_cells)
-            there = None
-            if here is not None:
-                there = replace(here, settings=change.settings)
-                if other_cells:
-                    there = case.at_spacing(spacing, there)
-            setups += [here, there]
+            setups += [here, here and replace(here, settings=change.settings)]
         rows = self._numbers(setups, np.tile(values, (len(setups), 1)))
         names = [name for name, _ in self.other_ways]
         return dict(zip(names, rows[1::2] - rows[0::2], strict=True))
@@ -186,6 +180,14 @@ class CaseModel:
             own = self._forward.error_std(request)
             found[: len(self.shown)] = own[self.shown]
         return found
+
+    def cells_at(self, values: np.ndarray) -> SmallCells | None:
+        """See `Model`; none of a limit of flow, which lies higher with smaller cells."""
+        case, setup = self.varied.case, self._setup(values, False)
+        if setup is None or case.objective().limit or not case.parameters.strengths.any():
+            return None
+        own = values[: self.varied.parameters]
+        return cells_by(self.engine, self.store, setup, own, case.other_cells(setup))
 
     @cached_property
     def _forward(self) -> Forward:

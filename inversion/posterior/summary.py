@@ -48,6 +48,8 @@ COMPONENTS = 3
 #: Standard deviations of the prior between the means of prior and posterior: three are chance
 #: once in 370 parameters.
 DISAGREE = 3.0
+#: The cells among what moves a strength.
+CELLS = "cell size"
 
 
 def save_all(found: Inferred[CaseModel], folder: Path) -> PosteriorDocument:
@@ -64,7 +66,7 @@ def draws_of(found: Inferred[CaseModel]) -> Draws:
     case = inference.model.varied.case
     return Draws(
         unknowns=[one.name for one in inference.unknowns],
-        posterior=found.values,
+        posterior=found.told,
         prior=found.prior,
         numbers=inference.names,
         posterior_predictive=found.replicated(),
@@ -106,7 +108,8 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
             }
             for name, change in inference.otherwise.items()
         },
-        correlation=[[_round(r) for r in row] for row in _correlation(found.values)],
+        small_cells=inference.cells,
+        correlation=[[_round(r) for r in row] for row in _correlation(found.told)],
         evidence=Evidence(
             log_evidence=_round(sampled.log_evidence),
             log_evidence_std=_round(sampled.log_evidence_std),
@@ -166,7 +169,7 @@ def prior_remarks(found: Inferred[CaseModel]) -> list[str]:
     """Unknowns that the data move so far from their prior that one of the two must be wrong."""
     remarks = []
     for place, unknown in enumerate(found.inference.unknowns):
-        before, after = found.prior[:, place], found.values[:, place]
+        before, after = found.prior[:, place], found.told[:, place]
         apart = abs(after.mean() - before.mean()) / max(before.std(), 1e-300)
         if apart > DISAGREE:
             remarks.append(
@@ -182,7 +185,7 @@ def prior_remarks(found: Inferred[CaseModel]) -> list[str]:
 def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
     inference = found.inference
     unknown, model = inference.unknowns[place], inference.model
-    before, after = found.prior[:, place], found.values[:, place]
+    before, after = found.prior[:, place], found.told[:, place]
     is_parameter = place < model.varied.parameters
     spec = model.varied.case.parameters.specs[place] if is_parameter else None
     ratio = None
@@ -211,11 +214,13 @@ def _sobol(found: Inferred[CaseModel], place: int) -> list[SobolShare]:
     """Shares of a parameter's variance, by the other unknowns and the errors of what was fitted."""
     inference, targets = found.inference, found.inference.targets
     unknowns, names = inference.unknowns, inference.names
-    values = np.stack(
-        [one.transformed(found.values[:, k]) for k, one in enumerate(unknowns)], axis=1
-    )
+    values = np.stack([one.transformed(found.told[:, k]) for k, one in enumerate(unknowns)], axis=1)
     inputs = [np.delete(values, place, axis=1)]
     labels = [one.name for k, one in enumerate(unknowns) if k != place]
+    if inference.cells is not None and unknowns[place].unit == "kPa":
+        ran = unknowns[place].transformed(found.values[:, place])
+        inputs.append((values[:, place] - ran)[:, None])
+        labels.append(CELLS)
     known, groups = targets.fitted & ~targets.censored, np.array(targets.groups)
     for group, entry in enumerate(targets.entries):
         own = np.flatnonzero(known & (groups == group))

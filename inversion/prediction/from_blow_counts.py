@@ -24,6 +24,7 @@ from inversion import PHYSICS_VERSION
 from inversion.catalogue.correlations import RELATIONS, Relation
 from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import RunStore
+from inversion.engines.small_cells import InSmallCells
 from inversion.estimation.forward import Forward, Prediction, SectionSetup
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.prediction_case import PredictionCase
@@ -72,7 +73,14 @@ def predict_from_blow_counts(
     setup = case.setup(layered)
     gravity = case.simulation.gravity_m_per_s2
     layers = layers_of(case.scene, case.blow_counts, zones, gravity)
-    return document_of(case, layers, engine.made(store), setup, relations)
+    # The scatter of a relation is ten times what is not known of the cells: it has no part of it.
+    logs = [np.log(layer_strengths(relation, layers)[len(SCORES) // 2]) for relation in relations]
+    middle = np.exp(np.mean(logs, axis=0)).tolist()
+    known = [replace(one, mean_kpa=kpa) for one, kpa in zip(layered, middle, strict=True)]
+    cells = case.cells_by(engine, store, case.setup(known))
+    forward = InSmallCells(engine.made(store), cells)
+    document = document_of(case, layers, forward, setup, relations)
+    return {**document, "small_cells": cells.model_dump()}
 
 
 def with_liquefied(case: PredictionCase, zones: Sequence[str]) -> PredictionCase:

@@ -20,6 +20,7 @@ from geometry.terrain.raster import Raster
 from inversion.engines.body_engine import BodyStore
 from inversion.engines.body_setup import BodySetup, KeptMaps
 from inversion.engines.run_store import Store
+from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import Forward
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
@@ -168,7 +169,8 @@ def predict_in_plan(
         WorkFailed: more than a quarter of the runs failed.
     """
     assert isinstance(store, BodyStore)
-    found = predict(engine, setup, strengths, jittered=jittered, samples=samples)
+    cells = SmallCells.unknown(setup.scene.spacing, "a second spacing takes hours of a body")
+    found = predict(engine, setup, strengths, cells=cells, jittered=jittered, samples=samples)
     kept = [store.fetch(setup, values) for values in found.strengths]
     before = setup.before.before
     maps = {

@@ -160,6 +160,14 @@ class DrawnStrength(KnownStrength):
         return ndtri((ranks + 0.5) / len(self.draws))
 
 
+def widened(strength: KnownStrength, log_std: float) -> KnownStrength:
+    """A strength whose logarithm may be off by more; draws of a posterior have that in them."""
+    if isinstance(strength, DrawnStrength):
+        return strength
+    more = strength.mean_kpa * log_std
+    return replace(strength, std_kpa=float(np.hypot(strength.std_kpa, more)))
+
+
 def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
     """The residual strengths of a posterior, with their zones.
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.survey.surface_profile import surface_profile
+from inversion.engines.small_cells import InSmallCells, SmallCells
 from inversion.estimation.forward import Forward, Prediction, Setup
-from inversion.prediction.known_strength import KnownStrength, sampled_scores
+from inversion.prediction.known_strength import KnownStrength, sampled_scores, widened
 from inversion.prediction.response import Response, Sections, design, response
 from pipeline.cli import WorkFailed
 
@@ -39,6 +40,7 @@ class Distribution:
         scores: their standard normal scores (n, p).
         runs: their numbers (n, m).
         predictions: the same runs, whole.
+        cells: what turned the strengths into those that the runs took; None: nothing.
         failed: runs that a guard stopped, left out.
         noise: standard deviation over the place of the points, (m,).
         missed: standard deviation of the runs about the smooth response, (m,).
@@ -53,6 +55,7 @@ class Distribution:
     scores: np.ndarray
     runs: np.ndarray
     predictions: list[Prediction]
+    cells: SmallCells | None
     failed: int
     noise: np.ndarray
     missed: np.ndarray
@@ -76,6 +79,7 @@ def predict(
     setup: Setup,
     strengths: Sequence[KnownStrength],
     *,
+    cells: SmallCells | None = None,
     jittered: Sequence[Setup] = (),
     samples: int = 20_000,
     seed: int = 0,
@@ -86,6 +90,8 @@ def predict(
         engine: predicts.
         setup: its parameters are the strengths, in their order [kPa].
         strengths: p of them; draws of a posterior together, others independent of each other.
+        cells: of the runs, where the strengths are those in small cells; None: they are as runs
+            have them.
         jittered: setups that differ in the seed of the jitter alone; fewer than two: no noise.
         samples: strengths that are put through the response.
         seed: of the samples.
@@ -93,6 +99,9 @@ def predict(
     Raises:
         WorkFailed: more than a quarter of the runs failed.
     """
+    if cells is not None:
+        engine = InSmallCells(engine, cells)
+        strengths = [widened(one, cells.log_std) for one in strengths]
     scores = design(len(strengths))
     requests = [setup.at(one) for one in values_at(strengths, scores)]
     predictions = engine.predict(requests)
@@ -120,6 +129,7 @@ def predict(
         scores=scores,
         runs=runs,
         predictions=predictions,
+        cells=cells,
         failed=int(np.sum(~kept)),
         noise=noise,
         missed=smooth.missed,

@@ -13,10 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.case import Case
+from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES
 from geometry.survey.measured import Measured, single_lengths
 from geometry.survey.toe_runout import ToeRunout
+from inversion.engines.registry import Engine
+from inversion.engines.run_store import Store
+from inversion.engines.small_cells import SmallCells, cells_by, other_spacings
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import SectionSetup
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
@@ -66,6 +70,17 @@ class PredictionCase(Case):
         return SectionSetup(
             scene, self.simulation, strength_parameters(strengths), self._targets(), self.feet
         )
+
+    def cells_by(self, engine: Engine, store: Store, setup: SectionSetup) -> SmallCells:
+        """What the cells make of the strengths of a setup, in the middle of what is known of them.
+
+        Args:
+            engine: predicts.
+            store: of its runs.
+            setup: with the strengths as its first guesses.
+        """
+        others = other_spacings(setup, len(fill(self.scene)), 2, str(self.folder))
+        return cells_by(engine, store, setup, setup.parameters.start, others)
 
     def _targets(self) -> Targets:
         """All entries as one vector; nothing is fitted, so failure is judged by every number."""

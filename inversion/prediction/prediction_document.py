@@ -62,6 +62,7 @@ def head_of(
             }
             for s in strengths
         ],
+        "small_cells": found.cells and found.cells.model_dump(),
         "samples": len(found.samples),
         "failed_runs": found.failed,
         "runs_cut_off": sum(not prediction.at_rest for prediction in found.predictions),

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from inversion.back_analysis.in_small_cells import SOURCE as CELLS
 from inversion.back_analysis.result import ParameterAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from pipeline.ties import largest_place, ranked
@@ -66,6 +67,8 @@ def bars(data: BackAnalysisData, parameter: ParameterAnswer) -> list[Bar]:
     if data.result.noise is not None:
         std = data.result.noise.answer_std[name]
         found.append(Bar(NOISE_SOURCE, (-std, std), std))
+    if (cells := parameter.std_by_source.get(CELLS)) is not None:
+        found.append(Bar(CELLS, (-cells, cells), cells))
     for entry in data.result.sensitivities:
         changes = tuple(side.change[name] for side in entry.sides)
         std = None if entry.kind == "target" else entry.std[name]

@@ -12,11 +12,11 @@ import numpy as np
 
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
 from inversion.engines.registry import engine_named
-from inversion.engines.small_cells import SmallCells
 from inversion.problem.changes import WATER_WORDS
 from pipeline.ties import largest, largest_place, ranked
 from report.data.back_analysis import MANY, BackAnalysisData
 from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
+from report.sentences.small_cells import cells_words
 
 FAR, FAR_SHARE = 2.0, 0.1
 """Standard deviations beyond which a difference is a misfit; share of a series that may exceed."""
@@ -42,7 +42,9 @@ def answer_sentence(data: BackAnalysisData) -> str:
         value = plus_minus(p.value, p.std_total, p.unit)
         parts.append(f"{p.label}: {value}{ratio}{_equally_good(p)}")
     engine = engine_named(result.engine).description
-    how = f"by {engine} at {result.spacing_m:g} m spacing{_water(data)}"
+    cells = result.answer.small_cells
+    taken = ", taken to small cells" if cells is not None and cells.known else ""
+    how = f"by {engine} at {result.spacing_m:g} m spacing{taken}{_water(data)}"
     end = "" if result.answer.reached else " NOT FITTED: the search ended with a large loss."
     return f"{'; '.join(parts)}; {how}.{end}"
 
@@ -345,20 +347,6 @@ def spacing_sentences(data: BackAnalysisData) -> list[str]:
     if (cells := result.answer.small_cells) is not None:
         said.append(cells_words(cells))
     return said
-
-
-def cells_words(cells: SmallCells) -> str:
-    """What the size of the cells makes of strengths, as a sentence."""
-    if not cells.known:
-        return (
-            f"{cells.words[0].upper()}{cells.words[1:]}. The strengths are as the runs have them, "
-            f"and less certain by {100 * cells.log_std:.0f} %."
-        )
-    return (
-        f"Strengths are those in small cells: {cells.factor:.3f} ± {cells.log_std:.3f} times what "
-        f"the runs take, from runs with points {cells.spacing_m:g} and "
-        f"{cells.other_spacing_m:g} m apart."
-    )
 
 
 def _checked(data: BackAnalysisData) -> str:

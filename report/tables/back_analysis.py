@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from inversion.back_analysis.in_small_cells import SOURCE as CELLS
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from pipeline.ties import largest_place
@@ -425,6 +426,18 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
                     *([both] if coarse else []),
                 ]
             )
+    cells = data.result.answer.small_cells
+    if cells is not None and CELLS in p.std_by_source:
+        rows.append(
+            [
+                CELLS,
+                cells.words.removeprefix(f"{CELLS}: "),
+                None,
+                f"{p.std_by_source[CELLS]:.2f}",
+                *_spacing(data, cells.spacing_m),
+                *([None] if coarse else []),
+            ]
+        )
     if data.result.noise is not None:
         seeds = f"{len(data.result.noise.seeds)} jitter seeds"
         std = data.result.noise.answer_std[p.name]

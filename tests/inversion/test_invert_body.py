@@ -140,12 +140,14 @@ def test_a_question_has_the_readings_that_three_dimensions_have(tmp_path):
     folder = asked(slide(tmp_path / "dam"), RUNOUT, sensitivities=sensitivities, variants=variants)
     case = body_case(folder, load_config(None))
     known, left_out = case.sensitivities
-    assert [entry.name for entry, _ in known] == ["fill", "cells", "step", "toe"]
+    assert [entry.name for entry, _ in known] == ["fill", "step", "toe"]
+    (other,) = case.other_cells(case.setup)
+    assert other.scene.spacing == 1.25 * case.spacing_m
     assert left_out == ["wall: left out: kind zone_boundary: not available in three dimensions"]
     stronger, weaker = (one.setup.scene.soil.materials for one in known[0][1])
     assert (stronger["fill"].cohesion_kpa, weaker["fill"].cohesion_kpa) == (17.0, 11.0)
-    assert known[1][1][0].setup.scene.spacing == 2.5
-    assert [one.setup.targets.measured[0] for one in known[3][1]] == [22.0, 18.0]
+    assert known[1][1][0].words == "courant 0.15 instead of 0.3"
+    assert [one.setup.targets.measured[0] for one in known[2][1]] == [22.0, 18.0]
     kept, lines = case.variants_of(lambda setup: "")
     assert [one.name for one in kept] == ["farther"] and lines[0].startswith("dry: left out: con")
     assert case.variant(kept[0]).setup.targets.measured[0] == 25.0

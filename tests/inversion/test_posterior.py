@@ -15,6 +15,7 @@ from geometry.survey.no_flow import NoFlow
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.deviations import deviating
 from inversion.engines.run_store import RunStore
+from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import make_targets
 from inversion.posterior import gaussian_process
 from inversion.posterior.calibration import coverage, rank_of
@@ -53,6 +54,7 @@ class FormulaModel:
     otherwise: dict[str, float] = field(default_factory=dict)
     asked: list[tuple[int, bool]] = field(default_factory=list)
     own_std: float = 0.0
+    cells: SmallCells | None = None
 
     def drawable(self, values: np.ndarray) -> np.ndarray:
         return values
@@ -67,6 +69,9 @@ class FormulaModel:
 
     def error_std(self, values: np.ndarray) -> np.ndarray:
         return np.full(len(self.names), self.own_std)
+
+    def cells_at(self, values: np.ndarray) -> SmallCells | None:
+        return self.cells
 
 
 def by_quadrature(formula, measured: float, std: float) -> tuple[float, float, float]:

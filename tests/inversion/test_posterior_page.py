@@ -78,7 +78,7 @@ def test_a_posterior_outside_its_prior_is_drawn_and_said(tmp_path):
     found = SimpleNamespace(
         inference=SimpleNamespace(unknowns=unknowns),
         prior=np.stack([prior, drawn(20.0, 5.0)], axis=1),
-        values=np.stack([posterior, drawn(24.0, 1.0)], axis=1),
+        told=np.stack([posterior, drawn(24.0, 1.0)], axis=1),
     )
     (line,) = prior_remarks(found)
     assert line.startswith(

@@ -98,6 +98,7 @@ def test_runs_that_fail_or_do_not_notice_the_strength_tell_nothing():
         assert np.isnan(log_of_same_slide(here, here, VALUES, cells_of(2.0, toe=toe)))
         found = small_cells(here, here, VALUES, [cells_of(2.0, toe=toe), cells_of(1.5)])
         assert found.other_spacing_m == 1.5
+
     # A number that the coarser run does not have is left out, the others count.
     def one_alone(values):
         return np.array([cells_of(2.0)._one(values).values[0], np.nan])
