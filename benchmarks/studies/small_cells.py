@@ -2,12 +2,12 @@
 
     python -m benchmarks.studies.small_cells [--twins 60] [--page]
 
-Random free-standing dams of hydraulic fill and embankment dams, most of them with a pool. Each is
-simulated with points H/60 apart, H its height, and the toe surveyed with an error of 5 % of the
-runout; then `flowslide invert --quick` is asked for the strength, with points H/20 apart. Errors of
-a survey are quantiles of the normal distribution in a random order, so that they cancel in the
-mean. Twins whose toe hardly notices the strength, or runs beyond 2.5 H already with points H/20
-apart, are drawn again.
+Random free-standing dams of 8 to 29 m, a fourth of them with a pool: an embankment of which a lower
+layer or one shell has liquefied. Each is simulated with points H/60 apart, H its height, and the
+toe surveyed with an error of 5 % of the runout; then `flowslide invert --quick` is asked for the
+strength, with points H/20 apart. Errors of a survey are quantiles of the normal distribution in a
+random order, so that they cancel in the mean. Twins whose toe hardly notices the strength, or runs
+beyond 2.5 H already with points H/20 apart, are drawn again.
 
 What is done lies in `results/benchmarks/small_cells`, a file a twin, so that a study that was
 stopped resumes; the figures are kept in `small_cells.json` and shown on
@@ -26,9 +26,7 @@ from scipy.special import ndtri
 from benchmarks.back_analysis.twin_cases import height_of, runout
 from benchmarks.generated_pages import ROOT, renew, table
 from flowslide import back_analyse
-from geometry.random_scenes.embankment_dam import draw_dam
-from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
-from geometry.scenes.scene import Scene, save_scene
+from geometry.scenes.scene import Scene, save_scene, scene_from_mapping
 from geometry.sides import SIDES, Side
 from inversion.engines.run_store import RunStore
 from inversion.problem.scene_changes import with_properties
@@ -41,6 +39,9 @@ FOLDER = ROOT / "results/benchmarks/small_cells"
 RECORD = Path(__file__).with_suffix(".json")
 PAGE = ROOT / "docs/method/inversion.md"
 SEED, TWINS = 42_600, 60
+#: Heights [m]; crest and slopes over the height; density [kg/m3]; S_r over rho g H; with a pool.
+HEIGHTS, CREST, SLOPE, DENSITY = (8.0, 29.0), (0.2, 1.0), (1.5, 3.0), (1700.0, 2100.0)
+RESIDUAL, POOL_SHARE = (0.03, 0.12), 0.25
 #: Points of the slide and of the back-analysis in a height; jitter of the slide's.
 FINE, ASKED, JITTER = 60.0, 20.0, 0.5
 #: Standard deviation of the survey over the runout; least and largest runout, and least change of
@@ -48,6 +49,43 @@ FINE, ASKED, JITTER = 60.0, 20.0, 0.5
 SURVEY, RUNOUT, LEAST_EFFECT, STRONGER = 0.05, (0.3, 2.5), 0.1, 1.3
 
 Record = dict[str, Any]
+
+
+def drawn(stream: Stream) -> tuple[Scene, list[str], float]:
+    """A dam with points H/20 apart, its liquefied zones and their S_r [kPa]."""
+    height = stream.uniform(*HEIGHTS)
+    crest, left, right = (stream.uniform(*ends) * height for ends in (CREST, SLOPE, SLOPE))
+    outer = [(0.0, 0.0), (left, height), (left + crest, height), (left + crest + right, 0.0)]
+    if stream.unit() < 0.5:
+        level = stream.uniform(0.3, 0.6)
+        inner = [(level * left, level * height), (outer[3][0] - level * right, level * height)]
+        liquefied, rest = [outer[0], *inner, outer[3]], [inner[0], *outer[1:3], inner[1]]
+    else:
+        foot = (left + stream.uniform(0.2, 0.8) * crest, 0.0)
+        head = (foot[0], height)
+        liquefied, rest = [outer[0], outer[1], head, foot], [foot, head, *outer[2:]]
+    density = stream.uniform(*DENSITY)
+    strength = stream.uniform(*RESIDUAL) * density * 9.81e-3 * height
+    soils = {
+        "liquefied": {"cohesion_kpa": round(strength, 3), "friction_deg": 0.0, "liquefied": True},
+        "fill": {"cohesion_kpa": 5.0, "friction_deg": round(stream.uniform(30.0, 38.0), 1)},
+    }
+    common = {"density": round(density), "youngs_modulus_mpa": 20.0, "poisson_ratio": 0.3}
+    room = 10.0 * height
+    document = {
+        "name": "dam",
+        "domain": {"x_min": -room, "x_max": outer[3][0] + room, "y_max": 3.0 * height},
+        "ground": {"points": [(-room, 0.0), (outer[3][0] + room, 0.0)], "contact": "rough"},
+        "zones": [
+            {"name": name, "polygon": polygon, "material": name}
+            for name, polygon in (("liquefied", liquefied), ("fill", rest))
+        ],
+        "materials": {name: {**common, **soil} for name, soil in soils.items()},
+        "spacing": round(height / ASKED, 4),
+    }
+    if stream.unit() < POOL_SHARE:
+        document["water_level"] = round(stream.uniform(0.3, 0.8) * height, 2)
+    return scene_from_mapping(document, "a twin"), ["liquefied"], strength
 
 
 def truth_of(number: int, store: RunStore) -> tuple[Scene, list[str], float, Side, float]:
@@ -58,23 +96,12 @@ def truth_of(number: int, store: RunStore) -> tuple[Scene, list[str], float, Sid
     """
     settings = load_config(None).simulation
     for attempt in range(100):
-        index = 100 * number + attempt
-        draw = draw_dam if number % 2 else draw_hydraulic_fill_dam
-        dam = draw(SEED, index, 1.0)
-        soils = dam.materials
-        zones = [zone.name for zone in dam.zones if soils[zone.material].liquefied]
-        height = height_of(dam)
-        own = {soils[zone.material].cohesion_kpa for zone in dam.zones if zone.name in zones}
-        if len(own) != 1:
-            continue
-        strength = own.pop()
-        try:
-            asked, fine = (
-                dam.changed(spacing=round(height / points, 4)) for points in (ASKED, FINE)
-            )
-        except ValueError:  # a zone is a sliver
-            continue
-        fine = fine.changed(jitter=JITTER, seed=Stream(SEED, index).seed() % 2**31)
+        stream = Stream(SEED, number, attempt)
+        asked, zones, strength = drawn(stream)
+        height = height_of(asked)
+        fine = asked.changed(
+            spacing=round(height / FINE, 4), jitter=JITTER, seed=stream.seed() % 2**31
+        )
         stronger = with_properties(
             asked, [(zone, "cohesion_kpa", STRONGER * strength) for zone in zones]
         )

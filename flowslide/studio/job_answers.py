@@ -83,7 +83,9 @@ def back_analysis(result: Result) -> Found:
     if len(result.answer.parameters) > 1:  # of a single one its own line says so
         lines += [f"Not determined: {one.words}." for one in result.answer.undetermined]
     if not result.sensitivities and result.noise is None:
-        lines.append("Standard deviation of the survey alone; the full back-analysis has the rest.")
+        lines.append(
+            "Standard deviation of survey, points and cells; the full back-analysis has the rest."
+        )
     if not result.answer.reached:
         lines.append(f"Not fitted: {result.answer.words}.")
     strengths = []

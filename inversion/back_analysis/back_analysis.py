@@ -62,7 +62,7 @@ from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, further_starts, refine
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.forward import Forward, Setup
-from inversion.estimation.misfit import Objective, Posterior, posterior
+from inversion.estimation.misfit import Objective, Posterior, moved_by_noise, posterior
 from inversion.estimation.search import Evaluation, Search, SearchResult
 from inversion.problem.question import Variant
 from pipeline.cli import WorkFailed
@@ -541,6 +541,18 @@ class BackAnalysis:
         found = self._calibrated(reading.name, setup, begin, self.engine_of())
         return None if found is None else self._problem(setup, found)
 
+    def _noise_by_slope(self) -> dict[str, float]:
+        """Scatter of the answer over the place of its points, where it was not found again.
+
+        From the noise that the steps of the derivative were chosen by; empty: not known either.
+        """
+        if not np.any(self.steps.noise > 0) or self.objective.limit:
+            return {}
+        std = moved_by_noise(
+            self.objective, self._resolved_derivative(), self.found.values, self.steps.noise
+        )
+        return self.case.parameters.as_mapping(std)
+
     def _resolved_derivative(self) -> np.ndarray:
         """The derivative at the answer without its noise, which carries no information."""
         evaluation, mask = self.found.best, self.objective.targets.fitted
@@ -554,7 +566,7 @@ class BackAnalysis:
         case, found = self.case, self.found
         mask = self.objective.targets.fitted
         resolved = self.steps.resolved(found.best.derivative[mask], found.best.steps)
-        noise_std = dict(self.noise.answer_std) if self.noise else {}
+        noise_std = dict(self.noise.answer_std) if self.noise else self._noise_by_slope()
         changes = dict(self.ratio_changes)
         if noise_std:
             sigma = dict(

@@ -377,6 +377,20 @@ def posterior(
     )
 
 
+def moved_by_noise(
+    objective: Objective, derivative: np.ndarray, values: np.ndarray, noise: np.ndarray
+) -> np.ndarray:
+    """Standard deviations of the values (p,) that are fitted to numbers with a noise (k,).
+
+    Arguments as of `posterior`; the noise of each fitted number is its own.
+    """
+    parameters, weights = objective.parameters, objective.whitener
+    scaled = weights @ objective.fitted_derivative(derivative, values)
+    known = np.linalg.inv(scaled.T @ scaled + np.eye(scaled.shape[1]))
+    moved = known @ scaled.T @ (weights * noise[None, :])
+    return np.linalg.norm(moved, axis=1) * parameters.value_per_fitted(values)
+
+
 def simple_basis(directions: np.ndarray) -> np.ndarray:
     """Span the same space (q, p) by orthonormal directions that are as near to an axis as can be.
 

@@ -472,6 +472,21 @@ def test_another_way_to_simulate_is_an_error():
 
 
 @pytest.mark.slow
+def test_strengths_are_told_in_small_cells_and_a_prior_is_of_the_soil():
+    cells = SmallCells(factor=1.2, log_std=0.08, spacing_m=1.0, other_spacing_m=2.0, words="")
+    found = infer(FormulaModel(runout, cells=cells))
+    ran, told = np.log(found.values[:, 0]), np.log(found.told[:, 0])
+    assert np.mean(told - ran) == pytest.approx(np.log(1.2), abs=0.005)
+    assert told.std() == pytest.approx(np.hypot(ran.std(), 0.08), rel=0.03)
+    np.testing.assert_array_equal(found.told[:, 1], found.values[:, 1])
+    # Data of 500 m say nothing against a prior of 5 %: all that is known is of the soil.
+    known = unknown_parameter(strength("a", prior=Prior(mean=18.0, std=0.9)))
+    goal = targets(53.0, std=500.0)
+    loose = infer(FormulaModel(runout, (known, SCORE), cells=cells), goal)
+    assert np.mean(np.log(loose.told / loose.values), axis=0) == pytest.approx([0, 0], abs=0.01)
+
+
+@pytest.mark.slow
 def test_what_fails_is_left_out_until_it_is_too_much():
     def broken(values: np.ndarray, share: float) -> np.ndarray:
         fails = STRENGTH.share_below(values[:, 0]) < share

@@ -14,6 +14,7 @@ from scipy.special import ndtr, ndtri
 
 from geometry.case import load_case
 from geometry.scenes.scene import load_scene
+from inversion.engines.small_cells import SmallCells
 from inversion.estimation.forward import Prediction
 from inversion.prediction.known_strength import (
     DrawnStrength,
@@ -21,6 +22,8 @@ from inversion.prediction.known_strength import (
     parse_strength,
     placed,
     sampled_scores,
+    strength_parameters,
+    widened,
 )
 from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
@@ -127,6 +130,16 @@ def test_exceedance_of_a_power_law_is_its_closed_form(noise):
     median = float(found.quantiles((50,))[0, 0])
     assert median == pytest.approx(53.0 * (strength.at(0.0) / 18.0) ** -1.8, rel=0.005 + noise / 50)
     assert engine.runs == len(design(1)) + 9 <= 29, "not one simulation per sample"
+
+
+def test_strengths_of_the_soil_are_run_as_the_cells_need_them():
+    cells = SmallCells(factor=1.25, log_std=0.2, spacing_m=1.0, other_spacing_m=2.0, words="")
+    engine = Formula(power_law, ["toe"], parameters=strength_parameters([lognormal()]))
+    found = asked(engine, [lognormal()], cells=cells, samples=40_000)
+    ran = asked(engine, [widened(lognormal(18.0 / 1.25, 5.0 / 1.25), 0.2)], samples=40_000)
+    np.testing.assert_allclose(found.quantiles(), ran.quantiles(), rtol=1e-6)
+    assert found.strengths == pytest.approx(1.25 * ran.strengths)
+    assert widened(lognormal(18.0, 3.0), 0.25).std_kpa == pytest.approx(np.hypot(3.0, 4.5))
 
 
 def test_two_strengths_act_together():

@@ -10,6 +10,7 @@ from inversion.estimation.misfit import (
     Objective,
     direction_in_words,
     interval,
+    moved_by_noise,
     posterior,
     root_mean_square,
     simple_basis,
@@ -47,6 +48,19 @@ def test_covariance_is_the_spread_of_answers_over_surveys_and_priors(loss):
     matrix = np.concatenate([weights @ scaled, np.eye(2)])
     answers = np.concatenate([survey @ weights.T, prior], axis=1) @ np.linalg.pinv(matrix).T
     np.testing.assert_allclose(np.cov(answers.T), spread.scaled, rtol=0.05, atol=0.02)
+
+
+def test_the_noise_of_the_numbers_moves_the_answer_as_it_moves_fits_of_noisy_ones():
+    specs = [strength("a", prior=Prior(mean=20, std=4)), angle("b", prior=Prior(mean=32, std=2))]
+    objective = Objective(Parameters(specs), targets(12.0, 5.0, std=0.6), "misfit", 0.1)
+    values, slope = np.array([20.0, 32.0]), np.array([[-0.4, 0.2], [-0.1, -0.3]])
+    noise = np.array([0.5, 0.2])
+    scaled = slope * objective.parameters.value_per_fitted(values) / 0.6
+    normal = scaled.T @ scaled + np.eye(2)
+    draws = np.random.default_rng(5).standard_normal((20_000, 2)) * noise / 0.6
+    found = draws @ scaled @ np.linalg.inv(normal) * objective.parameters.value_per_fitted(values)
+    expected = moved_by_noise(objective, slope, values, noise)
+    np.testing.assert_allclose(found.std(axis=0), expected, rtol=0.02)
 
 
 def test_what_the_toe_does_not_feel_is_as_wide_as_before_and_named():
