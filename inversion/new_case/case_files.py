@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from geometry.random_scenes.materials import GRAVITY
 from geometry.scenes.scene import Scene
 from geometry.sides import Side
 from geometry.survey.profiles import Profile
@@ -18,8 +19,12 @@ from pipeline.files import yaml_text
 
 FILL_IN = "FILL IN"
 PROFILE_FILE = "post_failure_profile.csv"
-#: Bounds of S_r around the first guess, as factors.
-LOW_FACTOR, HIGH_FACTOR = 0.1, 5.0
+#: Bounds of S_r over rho g H. A vertical cut of height H stands with a cohesion of rho g H / 3.83
+#: (Taylor 1937), any other slope with less; with 0.002 rho g H a heap as wide as a dam spreads on
+#: level ground over some 15 of its heights, where S_r x = rho g h^2 / 2 holds its surface.
+LOW_SHARE, HIGH_SHARE = 0.002, 0.3
+#: A first guess lies at least this factor within them.
+ROOM = 2.0
 
 
 @dataclass(frozen=True)
@@ -166,6 +171,7 @@ def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
     """
     text = _comment("What is asked of this case. Keys: docs/method/inversion.md.")
     text += "parameters:\n"
+    low, high = strength_bounds(scene)
     for name, zones in _liquefied(scene).items():
         start = scene.materials[name].cohesion_kpa
         text += _entry(
@@ -175,13 +181,14 @@ def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
                 "zones": zones,
                 "property": "residual_strength_kpa",
                 "start": start,
-                "low": round(LOW_FACTOR * start, 4),
-                "high": round(HIGH_FACTOR * start, 4),
+                "low": min(low, two_figures(start / ROOM)),
+                "high": max(high, two_figures(start * ROOM)),
             },
             {
                 "zones": "share one value",
                 "start": "first guess, that of scene.yaml [kPa]",
-                "low": "bounds: only what cannot be; the answer says if it rests on one",
+                "low": "runs 15 heights of the section and more",
+                "high": "holds any slope of that height",
             },
             indent=2,
         )
@@ -194,6 +201,19 @@ def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
     )
     text += _variants(scene)
     return text + _sensitivities(scene)
+
+
+def strength_bounds(scene: Scene) -> tuple[float, float]:
+    """Residual strengths [kPa] between which a slope of the section's height may or may not run."""
+    low, high = scene.extent
+    density = max(material.density for material in scene.materials.values())
+    scale_kpa = density * GRAVITY * (high - low) / 1000.0
+    return two_figures(LOW_SHARE * scale_kpa), two_figures(HIGH_SHARE * scale_kpa)
+
+
+def two_figures(value: float) -> float:
+    """A positive number, rounded to two figures."""
+    return float(f"{value:.2g}")
 
 
 def readme_text(

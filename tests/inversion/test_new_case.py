@@ -11,11 +11,12 @@ import pytest
 from flowslide.command_line import main
 from geometry.case import load_case
 from geometry.scenes.drawings import read_section
-from geometry.scenes.scene import load_scene
+from geometry.scenes.scene import load_scene, scene_from_mapping
 from geometry.survey.measured import single_lengths
 from geometry.survey.measurements import load_measurements
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.result import load_result
+from inversion.new_case.case_files import strength_bounds
 from pipeline.cli import InputError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
@@ -66,7 +67,7 @@ def test_the_folder_is_whole_and_checks(made, capsys):
     assert case.setup.targets.roles[:2] == ["fitted", "compared"]
     assert [v.name for v in case.question.variants][0] == "without water"
     (spec,) = case.question.parameters
-    assert (spec.zones, spec.start, spec.low, spec.high) == (["loose_sand"], 10.0, 1.0, 50.0)
+    assert (spec.zones, spec.start, spec.low, spec.high) == (["loose_sand"], 10.0, 0.34, 50.0)
     for name in ("scene.yaml", "measurements.yaml", "inversion.yaml"):
         text = (made / name).read_text()
         assert text.startswith("# ") and "FILL IN" in text and "*id" not in text
@@ -256,3 +257,24 @@ def test_ground_that_was_drawn_as_a_zone_is_remarked(dry, tmp_path, capsys):
     assert "the ground goes on to the left of x = -40 m, beyond a face of 4 m" in said
     main(["check", str(tmp_path / "dam")])
     assert said.count("goes on to") == 2 == capsys.readouterr().out.count("goes on to")
+
+
+def test_bounds_of_a_strength_are_what_runs_anyway_and_what_holds_any_slope():
+    scene = scene_from_mapping(
+        {
+            "name": "heap",
+            "domain": {"x_min": -60.0, "x_max": 80.0, "y_max": 40.0},
+            "ground": {"points": [[-60.0, 0.0], [80.0, 0.0]]},
+            "zones": [
+                {"name": "a", "polygon": [[0, 0], [10, 10], [15, 10], [25, 0]], "material": "a"}
+            ],
+            "materials": {
+                "a": {"cohesion_kpa": 5.0, "friction_deg": 0.0, "density": 2000.0,
+                      "youngs_modulus_mpa": 20.0, "poisson_ratio": 0.3, "liquefied": True}
+            },
+            "spacing": 1.0,
+        },
+        "test",
+    )  # fmt: skip
+    # rho g H is 196 kPa.
+    assert strength_bounds(scene) == (0.39, 59.0)
