@@ -73,6 +73,8 @@ def run(arguments: argparse.Namespace) -> None:
         )
         print_gaps(scene)
         print_ends(scene)
+        if scene.origin is None:  # a drawn one: blocks of a template fly on purpose
+            print_doubts(scene)
         if measurements is not None:
             _print_measurements(measurements)
         if counted:
@@ -129,6 +131,14 @@ def print_gaps(scene: Scene) -> None:
         print(f"  gap of {area:.3g} m2 between zones at ({x:.2f}, {y:.2f})")
     if len(found) > 5:
         print(f"  and {len(found) - 5} smaller gaps")
+
+
+def print_doubts(scene: Scene) -> None:
+    """Print what of the section is hardly meant."""
+    from geometry.scenes.doubts import doubts
+
+    for line in doubts(scene):
+        print(f"  doubtful: {line}")
 
 
 def print_ends(scene: Scene) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from flowslide.commands import options
-from flowslide.commands.check import print_ends, print_gaps
+from flowslide.commands.check import print_doubts, print_ends, print_gaps
 from pipeline.cli import InputError
 
 DESCRIPTION = (
@@ -55,3 +55,4 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"wrote {arguments.out}: {len(scene.zones)} zones, {len(fill(scene))} points")
     print_gaps(scene)
     print_ends(scene)
+    print_doubts(scene)

@@ -6,7 +6,7 @@ import argparse
 import shlex
 
 from flowslide.commands import options
-from flowslide.commands.check import print_ends
+from flowslide.commands.check import print_doubts, print_ends
 
 CASES = "case_histories"
 DESCRIPTION = (
@@ -85,6 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     ran = f"runout {ran}" if ran else "no slide was measured"
     print(f"wrote {folder}: {len(made.scene.zones)} zones; {ran}")
     print_ends(made.scene)
+    print_doubts(made.scene)
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
     typed = shlex.quote(str(folder))
     print(f"  flowslide check {typed}")

@@ -24,6 +24,9 @@ Point = tuple[float, float]
 #: Overlap of two zones, or part of a zone below the ground, taken for rounding; in point areas.
 AREA_TOLERANCE = 0.5
 
+#: By which a vertex on a wall may lie beyond it: units are converted in floating point [m].
+ROUNDING = 1e-6
+
 #: A zone must be wider than twice this share of the spacing: as wide as the spacing itself will do.
 HALF = 0.499
 
@@ -192,7 +195,7 @@ def _outside(
 ) -> Iterator[Fault]:
     x_min, x_max, y_max = box
     for x, y in vertices:
-        if not (x_min <= x <= x_max and y <= y_max):
+        if not (x_min - ROUNDING <= x <= x_max + ROUNDING and y <= y_max + ROUNDING):
             message = (
                 f"zones: zone {name!r} has a vertex ({x:g}, {y:g}) outside the domain "
                 f"x {x_min:g} to {x_max:g}, y up to {y_max:g}"

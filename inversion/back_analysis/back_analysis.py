@@ -331,7 +331,7 @@ class BackAnalysis:
             return
         self.cells = self.cells_at(self.found.values)
         if not self.cells.known:
-            self.remark(self.cells.words)
+            self.say(self.cells.words)
             return
         factors = factors_of(self.cells, self.case.parameters)
         listed = ", ".join(

@@ -1,0 +1,78 @@
+"""What of a section can be simulated but is hardly meant: a slip of unit, axes, sign or vertex.
+
+In: a scene. Out: a line for each doubt, with what may be meant. Nothing here is a fault: tall thin
+sections, small ones and soil that hangs over exist, if rarely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from shapely import LineString, intersection, length
+from shapely.geometry import Polygon
+from shapely.ops import unary_union
+
+from geometry.scenes.polygon_checks import is_crowded
+from geometry.scenes.scene import Scene
+
+#: Heights of dams, slopes and experiments [m]: the highest dam has 330 m.
+HEIGHTS = 0.03, 400.0
+#: A section taller than this many of its lengths stands on its side.
+SLENDER = 1.5
+#: Strengths beyond this are of rock or concrete, or in Pa [kPa]; angles below it in radians [deg].
+STRONGEST_KPA, SMALLEST_DEG = 1000.0, 1.5
+#: Verticals on which soil is looked for.
+VERTICALS = 400
+
+
+def doubts(scene: Scene) -> list[str]:
+    """Lines on what is hardly meant; empty: nothing."""
+    return [*_size(scene), *_soils(scene), *_shape(scene)]
+
+
+def _size(scene: Scene) -> Iterator[str]:
+    x = [x for zone in scene.zones for x, _ in zone.polygon]
+    low, high = scene.extent
+    long, tall = max(x) - min(x), high - low
+    if not HEIGHTS[0] <= tall <= HEIGHTS[1]:
+        yield f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)?"
+    elif tall > SLENDER * long:
+        yield f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y exchanged?"
+
+
+def _soils(scene: Scene) -> Iterator[str]:
+    used = {zone.material for zone in scene.zones}
+    for name, soil in scene.materials.items():
+        if name not in used:
+            continue
+        if soil.cohesion_kpa > STRONGEST_KPA:
+            yield f"{name}: a strength of {soil.cohesion_kpa:g} kPa is that of rock; is it in Pa?"
+        if 0.0 < soil.friction_deg < SMALLEST_DEG:
+            yield f"{name}: friction_deg {soil.friction_deg:g}; is it in radians?"
+    if not any(scene.materials[zone.material].liquefied for zone in scene.zones):
+        yield "no zone is marked as liquefied: there is no S_r to be found"
+
+
+def _shape(scene: Scene) -> Iterator[str]:
+    """Bodies that do not touch, and air under soil."""
+    whole = unary_union([Polygon(zone.polygon) for zone in scene.zones])
+    if is_crowded(whole, scene.spacing):
+        return
+    bodies = getattr(whole.buffer(0.01 * scene.spacing), "geoms", [None])
+    if len(bodies) > 1:
+        yield f"the section is of {len(bodies)} bodies that do not touch; is a zone missing?"
+    left, low, right, high = whole.bounds
+    x = np.linspace(left, right, VERTICALS + 2)[1:-1]
+    lines = np.array([LineString([(place, low - 1.0), (place, high + 1.0)]) for place in x])
+    cuts = intersection(lines, whole)
+    there = length(cuts)
+    top = np.array([cut.bounds[3] if not cut.is_empty else np.nan for cut in cuts])
+    air = top - scene.ground.height(x) - there
+    under = np.flatnonzero(air > scene.spacing)
+    if len(under) > 1:
+        worst = under[np.argmax(air[under])]
+        yield (
+            f"there is air under the soil from x = {x[under[0]]:.4g} to {x[under[-1]]:.4g} m, up "
+            f"to {air[worst]:.3g} m; is a vertex, a zone or the ground missing, or y a depth?"
+        )
