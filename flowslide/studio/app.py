@@ -28,6 +28,7 @@ from flowslide.studio.forms import material_fields, measurement_forms
 from flowslide.studio.jobs import KINDS, Jobs
 from flowslide.studio.live import Asked, Solver, question
 from flowslide.studio.security import Guard
+from flowslide.studio.units import FIELD_UNITS
 from flowslide.studio.workspace import Workspace
 from geometry.scenes.drawings import FORMATS, read_section, reading, section_document
 from geometry.scenes.scene import checked_document
@@ -130,6 +131,7 @@ class _Studio:
                 "effects": await run_in_threadpool(_effects),
                 "materials": material_fields(),
                 "measurements": measurement_forms(),
+                "units": FIELD_UNITS,
             }
         )
 

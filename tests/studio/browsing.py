@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 
 import pytest
 
@@ -20,7 +21,7 @@ NEEDS_CHROMIUM = [
 
 
 def watched(browser, *, width: int = 1280, height: int = 800):
-    """A page in a window of its own; its `errors` are those of its scripts."""
+    """A page in a window of its own; its `errors` are those of its scripts and its console."""
     context = browser.new_context(viewport={"width": width, "height": height})
     return tab(context)
 
@@ -31,7 +32,14 @@ def tab(context):
     page.set_default_timeout(20_000)
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
+    page.on("console", lambda told: page.errors.extend(_faults(told)))
     return page
+
+
+def _faults(told) -> list[str]:
+    """What the console of the browser has to say, but for a server that is not there."""
+    gone = re.search(r"net::ERR_|status of (403|409)|WebSocket connection to", told.text)
+    return [] if gone or told.type != "error" else [f"{told.text} {told.location}"]
 
 
 def picture(page, name: str) -> None:

@@ -45,7 +45,7 @@ def test_a_slider_answers_however_fast_the_keys_come(page):
             page.keyboard.press("ArrowRight")
         value = page.locator("#sliders input[type=range]").first.input_value()
         page.wait_for_function(IDLE, timeout=20_000)
-        assert page.locator("#sliders input[type=number]").first.input_value() == value
+        assert page.locator("#sliders [data-number]").first.input_value() == value
 
 
 def test_a_slider_that_is_dragged_shows_deposits_on_its_way(page):

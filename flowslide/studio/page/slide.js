@@ -1,11 +1,13 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
+import { numberBox } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { area, ownMaterials } from "./section.js";
 import { waterTableAt } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
+const SIMULATING = "simulating ...";
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
 const MOST_POINTS = 20000; // as flowslide/studio/live.py has it
 const FRAME_S = 0.06; // between two frames of the film
@@ -92,25 +94,24 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     row.className = "slider";
     const label = document.createElement("label");
     label.htmlFor = id;
-    const number = Object.assign(document.createElement("input"), { type: "number", value, step, min: low });
+    const number = document.createElement("input");
     number.setAttribute("aria-label", `${words} [${unit}]`);
     const right = document.createElement("span");
     right.append(number, " ", Object.assign(document.createElement("span"), { className: "unit", textContent: unit }));
     label.append(words, right);
     const range = Object.assign(document.createElement("input"), { type: "range", id, min: low, max: high, step, value });
     let last = value;
-    const change = (source, other, film) => {
-      const now = Number(source.value);
-      if (source.value === "" || !Number.isFinite(now)) return;
-      other.value = now;
+    const move = (now, film) => {
+      number.value = range.value = now;
+      Object.assign(number, { title: "", ariaInvalid: null });
       if (now === last) { if (film) wantFilm(); return; } // a key press is both an input and a change
       last = now;
       set(now);
       ask(film);
     };
-    range.addEventListener("input", () => change(range, number, false));
-    range.addEventListener("change", () => change(range, number, true));
-    number.addEventListener("change", () => change(number, range, true));
+    numberBox(number, { key: words, unit, value, step }, (now) => move(now ?? last, true), (fault) => { number.title = fault; });
+    range.addEventListener("input", () => move(Number(range.value), false));
+    range.addEventListener("change", () => move(Number(range.value), true));
     row.append(label, range);
     return row;
   }
@@ -209,7 +210,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     state.film = film;
     clearTimeout(filming);
     asked = performance.now();
-    say("simulating ...");
+    say(SIMULATING);
     question(false);
   }
 
@@ -326,6 +327,12 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     $("play").textContent = "Play";
   }
 
+  /** Another tab is shown: nobody waits for an answer any more. */
+  function leave() {
+    if ($("status").textContent === SIMULATING) say("");
+    pause();
+  }
+
   function play() {
     if (!view.deposit) return;
     if (state.playing) { pause(); return; }
@@ -369,5 +376,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (isFitted) view.fit();
   });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, pause, empty, showValues, keepAnswer };
+  return { flow, play, leave, empty, showValues, keepAnswer };
 }
