@@ -10,7 +10,6 @@ const $ = (id) => document.getElementById(id);
 const SIMULATING = "simulating ...";
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
 const MOST_POINTS = 20000; // as flowslide/studio/live.py has it
-const FRAME_S = 0.06; // between two frames of the film
 const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 
 /** `page` has state, view, documents, say(words, bad) and reopen(), which goes back to the files. */
@@ -314,11 +313,22 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   function tell() {
     const times = view.deposit?.header.times;
-    const speed = state.playing && times?.length > 1 ? `, ${(times.at(-1) / (FRAME_S * (times.length - 1))).toPrecision(2)} × as fast` : "";
-    $("time").value = times ? `${times[view.frame].toFixed(1)} s${speed}` : "-";
+    $("time").value = times ? `${timeAt(times, view.frame).toFixed(1)} s` : "-";
+  }
+
+  /** Time of a frame, also between two of them; and the frame of a time. */
+  function timeAt(times, frame) {
+    const k = Math.floor(frame);
+    return times[k] + (frame - k) * ((times[k + 1] ?? times[k]) - times[k]);
+  }
+
+  function frameAt(times, time) {
+    const k = times.findLastIndex((one) => one <= time);
+    return k === times.length - 1 ? k : k + (time - times[k]) / (times[k + 1] - times[k]);
   }
 
   let watching = 0; // for the film that was asked for
+  let from = null; // the film has run since then: { at: [ms], time: [s] }
 
   /** The film stands still. */
   function pause() {
@@ -342,32 +352,43 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       $("play").textContent = "Pause";
       ask(true);
       watching = setInterval(() => {
-        if (view.deposit?.header.times.length > 1) { clearInterval(watching); view.frame = 0; step(); }
+        if (view.deposit?.header.times.length > 1) { clearInterval(watching); view.frame = 0; run(); }
       }, 40);
       return;
     }
     state.playing = true;
     $("play").textContent = "Pause";
     if (view.frame >= view.deposit.header.times.length - 1) view.frame = 0;
-    step();
+    run();
   }
 
-  function step() {
+  /** From the frame that is shown on, at the speed that is chosen. */
+  function run() {
+    from = { at: performance.now(), time: timeAt(view.deposit.header.times, view.frame) };
+    requestAnimationFrame(step);
+  }
+
+  function step(now) {
     if (!state.playing || !view.deposit) return;
-    const last = view.deposit.header.times.length - 1;
-    view.frame = Math.min(view.frame + 1, last);
-    $("scrub").value = view.frame;
+    const { times } = view.deposit.header;
+    const time = Math.min(from.time + (Math.max(now - from.at, 0) / 1000) * Number($("speed").value), times.at(-1));
+    seek(frameAt(times, time));
+    if (time === times.at(-1)) pause(); else requestAnimationFrame(step);
+  }
+
+  function seek(frame) {
+    view.frame = frame;
+    $("scrub").value = frame;
     tell();
     view.draw();
-    if (view.frame === last) { pause(); tell(); return; }
-    setTimeout(step, 1000 * FRAME_S);
   }
 
   $("spacing").addEventListener("change", () => { state.spacing = Number($("spacing").value); ask(false); });
   $("keep").addEventListener("click", keepValues);
   $("reset").addEventListener("click", reopen);
   $("play").addEventListener("click", play);
-  $("scrub").addEventListener("input", () => { view.frame = Number($("scrub").value); tell(); view.draw(); });
+  $("scrub").addEventListener("input", () => { seek(Number($("scrub").value)); if (state.playing) run(); });
+  $("speed").addEventListener("change", () => { if (state.playing && from) run(); });
   $("colour").addEventListener("change", () => { view.colour = $("colour").value; view.paintLegend(); view.draw(); });
   $("before").addEventListener("change", () => { view.before = $("before").checked; view.draw(); });
   $("rise").addEventListener("change", () => {

@@ -6,6 +6,7 @@ import { Documents } from "./documents.js";
 import { Editor, TOOLS } from "./editor.js";
 import { blockOf, cellsOf, forget, knowUnits, numbersOf, pasteInto, setUp } from "./numbers.js";
 import { SectionPanel } from "./section_panel.js";
+import { saveView } from "./saving.js";
 import { makeSlide } from "./slide.js";
 import { SurveyPanel } from "./survey_panel.js";
 import { button, el, justTyped } from "./ui.js";
@@ -376,6 +377,15 @@ async function start() {
   for (const tab of $("modes").children) tab.addEventListener("click", () => setMode(tab.dataset.mode));
   buildTools();
   $("theme").addEventListener("click", theme);
+  for (const one of $("save").querySelectorAll("button")) {
+    one.addEventListener("click", async () => {
+      $("save").open = false;
+      if (!state.found) return;
+      say(`${await saveView(one.dataset.kind, view, `${state.name}-${state.mode}`)} is with your downloads`);
+    });
+  }
+  $("save").addEventListener("keydown", ({ key }) => { if (key === "Escape") $("save").open = false; });
+  addEventListener("pointerdown", ({ target }) => { if (!$("save").contains(target)) $("save").open = false; });
   for (const side of ["left", "right"]) {
     fold(side, localStorage.getItem(`panel-${side}`) === "folded");
     $(`fold-${side}`).addEventListener("click", () => fold(side));

@@ -168,6 +168,12 @@ export class SurveyPanel {
       el("h2", { textContent: "Asked" }), ...(this.page.documents.shipped ? readOnly(asked) : asked));
   }
 
+  /** Something liquefies in a section without a fault: else there is nothing to ask for. */
+  get canPropose() {
+    return !this.page.faults.some(({ document: part }) => part === "scene")
+      && Object.values(this.documents.scene.materials).some(({ liquefied }) => liquefied);
+  }
+
   question(inversion) {
     const set = (i, key) => (value) => this.page.documents.edit(key, (documents) => { documents.inversion.parameters[i][key] = value; });
     return [
@@ -179,7 +185,8 @@ export class SurveyPanel {
       field({ words: "fitted to", kind: "choice", choices: ["runout", "misfit"], names: LOSSES, value: inversion.loss ?? "runout",
         help: "the toes alone, in metres; or everything that is ticked as fitted, each in standard deviations of its survey" },
       (value) => this.page.documents.edit("loss", (documents) => { documents.inversion.loss = value; })),
-      button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now" }),
+      button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now",
+        disabled: !this.canPropose }),
     ];
   }
 
