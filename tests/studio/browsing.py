@@ -10,6 +10,8 @@ import pytest
 from benchmarks.studio import CHROMIUM
 
 WAIT_MS = 120_000
+WALK = int(os.environ.get("STUDIO_WALK", 0))
+"""Actions of a long walk, see test_walk.py; 0: short ones."""
 PICTURES = os.environ.get("STUDIO_PICTURES")
 """Folder for pictures of the page, such as docs/images/studio; none: no pictures."""
 NEEDS_CHROMIUM = [
