@@ -17,7 +17,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   const sliders = new Sliders({
     connected(is) { say(is ? "connected" : "the server is gone: if it does not come back, start it again and open the address that it prints", !is); },
     deposit: show,
-    failed(message) { say(message, true); },
+    forecast: showForecast,
+    failed(message) { view.forecast = null; view.draw(); say(message, true); },
   });
 
   /** Sliders of the section as it is, and its slide; nothing where that is shown already, or a fault is to be mended. */
@@ -38,6 +39,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** No sliders, no answer: those of another case, or of a section with a fault, are nobody's. */
   function empty() {
+    view.forecast = null;
     pause();
     clearTimeout(filming);
     $("sliders").replaceChildren();
@@ -201,6 +203,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   // --- the answer ---
 
   let asked = 0;
+  let waits = false; // for the deposit of what was asked
   let filming = 0;
 
   /** The deposit first; the way there, with `film`, when it is shown. */
@@ -209,6 +212,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     state.film = film;
     clearTimeout(filming);
     asked = performance.now();
+    waits = true;
     say(SIMULATING);
     question(false);
   }
@@ -221,8 +225,28 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     });
   }
 
+  /** What a learned model says, as a band over what is still seen of the values before. */
+  function showForecast(found) {
+    if (state.mode === "section" || !waits || found.header.id < (view.forecast?.header.id ?? 0)) return;
+    view.forecast = found;
+    document.body.dataset.first = String(performance.now() - asked);
+    tellForecast();
+    view.draw();
+  }
+
+  function tellForecast() {
+    const found = view.forecast?.header;
+    $("readings").classList.toggle("before", Boolean(found));
+    if (!found) return;
+    const toes = ["left", "right"].map((side, k) => `${side} toe at ${found.toes[k].toFixed(0)} ± ${found.toe_interval[k].toFixed(0)} m`);
+    say(`${SIMULATING} Band: the learned model, ${toes.join(", ")} (nine of ten slides)`);
+  }
+
   function show(found, isNewest) {
     if (state.mode === "section") return;
+    if (found.header.id >= (view.forecast?.header.id ?? 0)) view.forecast = null;
+    waits = !isNewest;
+    tellForecast();
     const way = view.deposit && found.header.times.length > 1;
     view.deposit = found;
     const last = found.header.times.length - 1;
@@ -339,7 +363,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** Another tab is shown: nobody waits for an answer any more. */
   function leave() {
-    if ($("status").textContent === SIMULATING) say("");
+    if ($("status").textContent.startsWith(SIMULATING)) say("");
     pause();
   }
 

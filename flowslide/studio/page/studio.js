@@ -39,7 +39,7 @@ const documents = new Documents({
   changed(words, isOther) {
     state.fresh = false;
     if (isOther) {
-      view.deposit = null; // it was of another section
+      view.deposit = view.forecast = null; // it was of another section
       view.marks = [];
     }
     view.preview(documents.now.scene);
@@ -148,7 +148,7 @@ async function open(name, again = false, unasked = false) {
   documents.open(found);
   if (!again) { editor.use("select"); forget(); }
   if (!again || !editor.hasSelected()) editor.selection = {};
-  view.deposit = null;
+  view.deposit = view.forecast = null;
   view.level = undefined;
   view.marks = [];
   slide.empty();
@@ -179,7 +179,7 @@ function setMode(mode) {
   if (isOther) editor.use("select"); else drawing();
   showMarks();
   view.stretch(mode === "section" ? 1 : Number($("rise").value)); // what is drawn has equal scales
-  if (mode === "section") { view.deposit = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
+  if (mode === "section") { view.deposit = view.forecast = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
   refresh();
   if (mode === "slide" || mode === "survey") slide.flow();
 }

@@ -28,6 +28,7 @@ export class View {
     this.legend = legend;
     this.scene = null;
     this.deposit = null;
+    this.forecast = null; // what comes next, by a learned model
     this.marks = [];
     this.frame = 0; // of the film; also between two of them
     this.colour = "zone";
@@ -198,13 +199,18 @@ export class View {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.under?.(pen);
     paintWater(this, pen);
-    if (this.deposit) this.paintPoints(pen, ratio);
+    if (this.deposit) {
+      pen.globalAlpha = this.forecast ? 0.35 : 1; // of the values before
+      this.paintPoints(pen, ratio);
+      pen.globalAlpha = 1;
+    }
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.paintSection(pen);
     this.paintGround(pen);
     this.paintEnds(pen);
     paintWaterTable(this, pen);
     this.paintAxes(pen);
+    if (this.forecast) this.paintForecast(pen);
     this.paintMarks(pen);
     this.over?.(pen);
   }
@@ -324,6 +330,25 @@ export class View {
     pen.strokeStyle = pen.fillStyle = css("--hatch");
     pen.lineWidth = 0.8;
     paintHatch(pen, kind, polygon.map((place) => this.pixel(place)), this.pixel([0, 0]), { width, height });
+  }
+
+  /** The surface that a learned model expects, with the band that holds nine of ten slides, and its toes. */
+  paintForecast(pen) {
+    const { x, low, middle, high, header } = this.forecast;
+    const line = (heights) => Array.from(x, (at, i) => [at, heights[i]]);
+    pen.strokeStyle = pen.fillStyle = css("--accent");
+    pen.globalAlpha = 0.25;
+    this.path(pen, [...line(high), ...line(low).reverse()]);
+    pen.fill();
+    pen.globalAlpha = 1;
+    pen.lineWidth = 1.8;
+    this.path(pen, line(middle));
+    pen.stroke();
+    const foot = bounds(this.scene).low;
+    header.toes.forEach((toe, k) => {
+      const [[left, y], [right]] = [-1, 1].map((way) => this.pixel([toe + way * header.toe_interval[k], foot]));
+      pen.fillRect(left, y + 4, Math.max(right - left, 2), 3);
+    });
   }
 
   /** A hatch where the ground goes on beyond the end of the section. */
