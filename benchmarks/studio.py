@@ -3,10 +3,12 @@
     python -m benchmarks.studio [--picture docs/images/studio.png]
 
 Lower San Fernando is opened; its S_r is moved 50 times, each time to a value that was not there
-before. Printed: first paint; from the slider to the new deposit, and the part of it that the solver
-takes (p50 and p95); what the page holds in memory afterwards. The limit is the solver's own time.
-Then a vertex of a copy (16 zones) is dragged about: the time from frame to frame, whose limit is
-the screen's 60 a second, and the part of it that the page works. Needs Chromium.
+before. Printed: first paint; from the slider to the band of the learned model and to the new
+deposit, and the part of it that the solver takes (p50 and p95); how many deposits a second are
+shown while the slider is dragged; what the page holds in memory afterwards. The limit is the
+solver's own time. Then a vertex of a copy (16 zones) is dragged about: the time from frame to
+frame, whose limit is the screen's 60 a second, and the part of it that the page works. Needs
+Chromium.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,11 +37,15 @@ if TYPE_CHECKING:
 CASE, DRAWN, MOVES = "lower_san_fernando", "drawn", 50
 ASKED = {
     "first paint": 1.5,
+    "slider to first response, p50": 0.06,
+    "deposits a second while dragged": 3.0,
     "slider to deposit, p50": 0.3,
     "slider to deposit, p95": 0.6,
     "frame while drawing, p50": 1 / 60,
     "frame while drawing, p95": 1 / 60,
 }
+#: How long a slider is dragged [s].
+DRAG_S = 8.0
 #: Steps of the mouse while a vertex is dragged.
 STEPS = 240
 #: Keeps the time of every frame and of the page's work in it.
@@ -115,11 +122,13 @@ def measure(address: str, picture: Path | None) -> None:
         answered(1)
         paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
         strength = page.get_by_label("S_r, liquefied fill [kPa]")
-        seconds = []
+        seconds, first = [], []
         for move in range(MOVES):
             strength.fill(f"{18.1 + 0.2 * move:g}")
             strength.press("Enter")
             seconds.append(answered(2 + move))
+            first.append(float(page.locator("body").get_attribute("data-first") or "nan") / 1e3)
+        dragged = deposits_a_second(page)
         held = page.evaluate("performance.memory.usedJSHeapSize") / 1e6
         if picture is not None:
             strength.fill("20.4")
@@ -129,13 +138,40 @@ def measure(address: str, picture: Path | None) -> None:
             page.screenshot(path=str(picture))
         browser.close()
     whole, solver = np.array(seconds).T
-    rows = [("first paint", paint / 1e3, "s")]
+    rows = [
+        ("first paint", paint / 1e3, "s"),
+        ("slider to first response, p50", float(np.nanmedian(first)), "s"),
+        ("deposits a second while dragged", dragged, "1/s"),
+    ]
     for share, words in ((50, "p50"), (95, "p95")):
         rows.append((f"slider to deposit, {words}", float(np.percentile(whole, share)), "s"))
         rows.append((f"of it the solver, {words}", float(np.percentile(solver, share)), "s"))
     held_row = f"memory of the page after {MOVES} runs"
     rows.append((held_row, held, "MB"))
     show(rows, {**ASKED, held_row: 300.0})
+
+
+def deposits_a_second(page: Page) -> float:
+    """Drag the first slider for `DRAG_S`, and count the deposits that are shown meanwhile."""
+    page.evaluate(
+        """() => {
+          window.shown_ = 0;
+          new MutationObserver(() => { window.shown_ += 1; })
+            .observe(document.querySelector("#misfit"), { childList: true });
+        }"""
+    )
+    box = page.locator("#sliders input[type=range]").first.bounding_box()
+    began, step = time.perf_counter(), 0
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + box["height"] / 2)
+    page.mouse.down()
+    while time.perf_counter() - began < DRAG_S:
+        step += 1
+        share = 0.4 + 0.2 * np.sin(0.03 * step)
+        page.mouse.move(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+        page.wait_for_timeout(16)
+    shown = page.evaluate("window.shown_")
+    page.mouse.up()
+    return float(shown / (time.perf_counter() - began))
 
 
 def pixel_of(page: Page, x: float, y: float) -> tuple[float, float]:

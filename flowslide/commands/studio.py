@@ -55,13 +55,14 @@ def run(arguments: argparse.Namespace) -> None:
     workspace, first = workspace_of(arguments.case)
     listener = listen(arguments.port, workspace.folder)
     port, token = listener.getsockname()[1], new_token()
-    live = LiveProcess(arguments.threads)
-    app = studio(workspace, live, token=token, port=port, first=first)
+    live, ahead = LiveProcess(arguments.threads), LiveProcess(1, "forecast")
+    app = studio(workspace, live, token=token, port=port, first=first, forecaster=ahead)
     address = f"http://127.0.0.1:{port}/?token={token}"
     print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)
     if first:
         with suppress(InputError):  # the page shows what is wrong
             live.warm(workspace.case(first).resolved())
+            ahead.warm(workspace.case(first).resolved())
     server = uvicorn.Server(
         # Nothing leaves the machine: to compress a deposit takes longer than to pass it on.
         uvicorn.Config(
@@ -81,6 +82,7 @@ def run(arguments: argparse.Namespace) -> None:
             server.run(sockets=[listener])  # until Ctrl-C
     finally:
         live.close()
+        ahead.close()
 
 
 def listen(port: int | None, folder: Path) -> socket.socket:

@@ -10,6 +10,7 @@ import asyncio
 import json
 import re
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,8 +27,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from flowslide.studio.case_documents import proposed_question
 from flowslide.studio.forms import material_fields, measurement_forms
 from flowslide.studio.jobs import KINDS, Jobs
-from flowslide.studio.live import Asked, Solver, question
+from flowslide.studio.live import PATIENCE_S, Asked, Question, Solver, question
 from flowslide.studio.security import Guard
+from flowslide.studio.units import FIELD_UNITS
 from flowslide.studio.workspace import Workspace
 from geometry.scenes.drawings import FORMATS, read_section, reading, section_document
 from geometry.scenes.scene import checked_document
@@ -47,7 +49,13 @@ Handler = Callable[[Request], Awaitable[Response]]
 
 
 def studio(
-    workspace: Workspace, live: Solver, *, token: str, port: int, first: str = ""
+    workspace: Workspace,
+    live: Solver,
+    *,
+    token: str,
+    port: int,
+    first: str = "",
+    forecaster: Solver | None = None,
 ) -> ASGIApp:
     """The application.
 
@@ -57,8 +65,9 @@ def studio(
         live: that answers the sliders.
         token: that the browser must know.
         port: that it is served on.
+        forecaster: that says at once about what the answer will be; None: nothing does.
     """
-    own = _Studio(workspace, Jobs(workspace, live.threads), live, first)
+    own = _Studio(workspace, Jobs(workspace, live.threads), live, first, forecaster)
     routes = [
         Route("/", _answering(own.page)),
         Route("/api/workspace", _answering(own.overview)),
@@ -107,8 +116,16 @@ def _answering(handler: Handler) -> Handler:
 class _Studio:
     """The handlers of the routes."""
 
-    def __init__(self, workspace: Workspace, jobs: Jobs, live: Solver, first: str) -> None:
+    def __init__(
+        self,
+        workspace: Workspace,
+        jobs: Jobs,
+        live: Solver,
+        first: str,
+        forecaster: Solver | None,
+    ) -> None:
         self.workspace, self.work, self.live, self.first = workspace, jobs, live, first
+        self.forecaster = forecaster
 
     async def page(self, request: Request) -> Response:
         """The page."""
@@ -130,6 +147,7 @@ class _Studio:
                 "effects": await run_in_threadpool(_effects),
                 "materials": material_fields(),
                 "measurements": measurement_forms(),
+                "units": FIELD_UNITS,
             }
         )
 
@@ -276,35 +294,49 @@ class _Studio:
         """Questions of the sliders in, deposits out; the newest question wins."""
         await socket.accept()
         sending: set[asyncio.Task[None]] = set()
-        newest = [0]
+        line = _Line()
         try:
             while True:
                 text = await socket.receive_text()
                 if len(text) > MOST_BYTES:
                     await socket.close(1009)
                     return
-                task = asyncio.create_task(self._answer(socket, text, newest))
+                task = asyncio.create_task(self._answer(socket, text, line))
                 sending.add(task)
                 task.add_done_callback(sending.discard)
         except WebSocketDisconnect:
             pass
         finally:
             self.live.stop(socket)
+            if self.forecaster is not None:
+                self.forecaster.stop(socket)
             for task in sending:
                 task.cancel()
 
-    async def _answer(self, socket: WebSocket, text: str, newest: list[int]) -> None:
-        """Answer a question; `newest` is the number of the last one of its page."""
+    def _whole(self, asked: Asked) -> Question:
+        return question(asked, self.workspace.case(asked.case, asked.documents))
+
+    async def _answer(self, socket: WebSocket, text: str, line: _Line) -> None:
+        """Answer a question, if it is still the last one of its page when its turn comes."""
         number = 0
         try:
             message = _object(text)
             number = message.get("id", 0)
             asked = checked_document(Asked, message, "question", "flowslide/studio/live.py")
-            newest[0] = max(newest[0], asked.id)
-            case = await run_in_threadpool(self.workspace.case, asked.case, asked.documents)
-            if asked.id < newest[0]:  # threads end in any order
+            line.newest = max(line.newest, asked.id)
+            whole = await run_in_threadpool(self._whole, asked)
+            if asked.id < line.newest:  # threads end in any order
                 return
-            found = await asyncio.wrap_future(self.live.ask(question(asked, case), socket))
+            ahead = None
+            if self.forecaster is not None and not asked.film:
+                first = self.forecaster.ask(whole, socket)
+                ahead = asyncio.create_task(_send_ahead(socket, asyncio.wrap_future(first)))
+            if not await line.turn(asked.id):
+                return
+            line.running = asyncio.wrap_future(self.live.ask(whole, socket))
+            found = await line.running
+            if ahead is not None:
+                ahead.cancel()  # the deposit itself is there
             if found is not None:
                 await socket.send_bytes(found)
         except (InputError, WorkFailed) as error:
@@ -315,6 +347,31 @@ class _Studio:
             words = f"ended by an error of the program: {error!r}"
             await socket.send_json({"type": "failed", "id": number, "message": words})
             raise
+
+
+class _Line:
+    """The questions of a page: one is computed, the newest waits."""
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self.running: asyncio.Future[bytes | None] | None = None
+
+    async def turn(self, number: int) -> bool:
+        """Wait for what is computed, as far as it does not take long; false: a newer one came.
+
+        The solver would stop it itself; to send it every question of a drag takes its time.
+        """
+        if self.running is not None:
+            await asyncio.wait({self.running}, timeout=PATIENCE_S)
+        return number >= self.newest
+
+
+async def _send_ahead(socket: WebSocket, forecast: asyncio.Future[bytes | None]) -> None:
+    """Pass a forecast on; one that fails is none, since the deposit follows anyway."""
+    with suppress(WorkFailed, WebSocketDisconnect, RuntimeError):
+        found = await forecast
+        if found is not None:
+            await socket.send_bytes(found)
 
 
 async def _body(request: Request) -> dict[str, Any]:

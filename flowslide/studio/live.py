@@ -33,7 +33,7 @@ from pipeline.progress import Cancelled
 #: Bytes of runs that are kept.
 KEPT_BYTES = 400e6
 #: How long a run may go on when a newer question of its page waits [s].
-PATIENCE_S = 0.7
+PATIENCE_S = 1.5
 #: Points of a live run, some ten seconds of one core: others are jobs.
 MOST_POINTS = 20_000
 

@@ -1,7 +1,7 @@
 """The solver behind the sliders in a process of its own: `Live`, asked over a pipe.
 
 A kernel of the solver holds the interpreter until it ends. In the server's process it would hold
-every other request as well: saving, the list of jobs, other tabs.
+every other request as well: saving, the list of jobs, other tabs. `Forecaster` has one as well.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from multiprocessing.connection import Connection
 from threading import Lock, Thread
 from typing import Any
 
+from flowslide.studio.forecast import Forecaster
 from flowslide.studio.live import Live, Question
 from geometry.case import Case
 from pipeline.cli import InputError, WorkFailed
@@ -33,10 +34,11 @@ class LiveProcess:
 
     Args:
         threads: CPU threads; None: all.
+        kind: "solver" or "forecast", what is asked.
     """
 
-    def __init__(self, threads: int | None = None) -> None:
-        self.threads = threads
+    def __init__(self, threads: int | None = None, kind: str = "solver") -> None:
+        self.threads, self.kind = threads, kind
         self._changing = Lock()
         self._numbers, self._askers = count(), count()
         self._known: dict[object, int] = {}
@@ -102,7 +104,7 @@ class LiveProcess:
             self.process.wait()
         self._pipe, far = Pipe()
         self.process = subprocess.Popen(
-            python_command("-m", __name__, far.fileno(), self.threads or 0),
+            python_command("-m", __name__, far.fileno(), self.threads or 0, self.kind),
             env=python_environment(),
             pass_fds=[far.fileno()],
             start_new_session=True,  # Ctrl-C is the server's
@@ -136,9 +138,9 @@ def _settle(answer: Future[Any], found: Any, error: BaseException | None) -> Non
         answer.set_exception(error)
 
 
-def serve(pipe: Connection, threads: int | None) -> None:
+def serve(pipe: Connection, threads: int | None, kind: str) -> None:
     """Answer what comes through a pipe until it is told to end, or nobody is there any more."""
-    live, sending = Live(threads), Lock()
+    live, sending = (Live if kind == "solver" else Forecaster)(threads), Lock()
 
     def answer(number: int, done: Future[Any]) -> None:
         error = done.exception()
@@ -164,4 +166,4 @@ def serve(pipe: Connection, threads: int | None) -> None:
 
 
 if __name__ == "__main__":
-    serve(Connection(int(sys.argv[1])), int(sys.argv[2]) or None)
+    serve(Connection(int(sys.argv[1])), int(sys.argv[2]) or None, sys.argv[3])

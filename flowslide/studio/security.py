@@ -52,7 +52,8 @@ def write_opening(folder: Path, address: str) -> Path:
 
 
 def _leading_to(address: str) -> str:
-    return f'<!doctype html><meta http-equiv="refresh" content="0; url={escape(address)}">\n'
+    icon = '<link rel="icon" href="data:,">'  # else the browser asks for one that is not there
+    return f'<!doctype html>{icon}<meta http-equiv="refresh" content="0; url={escape(address)}">\n'
 
 
 class Guard:

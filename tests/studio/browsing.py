@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 
 import pytest
 
 from benchmarks.studio import CHROMIUM
 
 WAIT_MS = 120_000
+WALK = int(os.environ.get("STUDIO_WALK", 0))
+"""Actions of a long walk, see test_walk.py; 0: short ones."""
 PICTURES = os.environ.get("STUDIO_PICTURES")
 """Folder for pictures of the page, such as docs/images/studio; none: no pictures."""
 NEEDS_CHROMIUM = [
@@ -20,7 +23,7 @@ NEEDS_CHROMIUM = [
 
 
 def watched(browser, *, width: int = 1280, height: int = 800):
-    """A page in a window of its own; its `errors` are those of its scripts."""
+    """A page in a window of its own; its `errors` are those of its scripts and its console."""
     context = browser.new_context(viewport={"width": width, "height": height})
     return tab(context)
 
@@ -31,7 +34,14 @@ def tab(context):
     page.set_default_timeout(20_000)
     page.errors = []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
+    page.on("console", lambda told: page.errors.extend(_faults(told)))
     return page
+
+
+def _faults(told) -> list[str]:
+    """What the console of the browser has to say, but for a server that is not there."""
+    gone = re.search(r"net::ERR_|status of (403|409)|WebSocket connection to", told.text)
+    return [] if gone or told.type != "error" else [f"{told.text} {told.location}"]
 
 
 def picture(page, name: str) -> None:

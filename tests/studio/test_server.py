@@ -23,10 +23,12 @@ from flowslide.studio.live import Asked, Live, question
 from geometry.case import load_case
 from mpm_taichi.comparison import simulate_case
 from pipeline.places import CASES, shipped
+from tests.studio.browsing import WALK
 from tests.studio.messages import unpack
 
 PORT, TOKEN = 8321, "the-token"
 OURS = {"origin": f"http://127.0.0.1:{PORT}"}
+PAIRS = WALK or 20
 LIVE = f"ws://127.0.0.1:{PORT}/api/live"
 
 
@@ -253,7 +255,7 @@ def test_of_two_questions_back_to_back_the_newer_is_answered(browser, monkeypatc
         browser.websocket_connect(LIVE, headers=OURS) as socket,
         ThreadPoolExecutor(1) as waiter,
     ):
-        for number in range(1, 41, 2):
+        for number in range(1, 2 * PAIRS + 1, 2):
             for one, value in ((number, 5.0), (number + 1, 6.0)):
                 changes = {"strengths_kpa": {"loose": value}}
                 ask = {"type": "run", "id": one, "case": "small", "spacing_m": 4.0}

@@ -38,7 +38,9 @@ export function unpack(buffer) {
   return { header, ...arrays };
 }
 
-/** The sliders' socket; it connects again by itself. `on` has deposit, failed and connected. */
+const PACE = 80; // ms in which a question may wait for a first answer to the one before it
+
+/** The sliders' socket; it connects again by itself. `on` has deposit, forecast, failed and connected. */
 export class Sliders {
   constructor(on) {
     this.on = on;
@@ -51,18 +53,21 @@ export class Sliders {
   connect() {
     this.socket = new WebSocket(`ws://${location.host}/api/live`);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => { this.on.connected(true); if (this.waiting) this.socket.send(this.waiting); };
+    this.socket.onopen = () => { this.on.connected(true); this.post(); };
     this.socket.onclose = () => { this.on.connected(false); setTimeout(() => this.connect(), 1000); };
     this.socket.onmessage = ({ data }) => {
       if (data instanceof ArrayBuffer) {
         const found = unpack(data);
         const { id } = found.header;
+        this.answered(id);
         if (id <= this.shown) return;
+        if (found.header.type === "forecast") { this.on.forecast(found); return; } // until the deposit itself is there
         this.shown = id;
         if (id === this.number) this.waiting = null;
         this.on.deposit(found, id === this.number);
       } else {
         const found = JSON.parse(data);
+        this.answered(found.id);
         if (found.id === this.number) { this.waiting = null; this.on.failed(found.message); }
       }
     };
@@ -72,7 +77,23 @@ export class Sliders {
   ask(question) {
     this.number += 1;
     this.waiting = JSON.stringify({ ...question, id: this.number });
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(this.waiting);
+    if (!this.pacing) this.post();
     return this.number;
+  }
+
+  /** Send what is asked last; the next one as soon as there is a first answer, so that a drag does not keep the server busy. */
+  post() {
+    if (this.socket.readyState !== WebSocket.OPEN || !this.waiting) return;
+    clearTimeout(this.pacing);
+    this.sent = this.number;
+    this.socket.send(this.waiting);
+    this.pacing = setTimeout(() => this.answered(this.sent), PACE);
+  }
+
+  answered(id) {
+    if (!this.pacing || id !== this.sent) return;
+    clearTimeout(this.pacing);
+    this.pacing = 0;
+    if (this.number !== this.sent) this.post();
   }
 }

@@ -12,7 +12,7 @@ const LOOK = 3000; // ms between two looks whether the files were changed elsewh
 
 const partsOf = (found) => Object.fromEntries(PARTS.map((part) => [part, structuredClone(found[part] ?? null)]));
 
-/** `on` has changed(words, whether the section is another), saved(case), conflict(case) and failed(words). */
+/** `on` has changed(words, whether the section is another), same() after an edit that changed nothing, saved(case), conflict(case) and failed(words). */
 export class Documents {
   constructor(on) {
     this.on = on;
@@ -56,10 +56,19 @@ export class Documents {
     const next = structuredClone(before);
     change(next);
     followSection(before.scene, next.scene);
+    // "8.0" in place of 8 is no edit that anybody would undo.
+    if (JSON.stringify(next) === JSON.stringify(before)) { this.on.same(); return; }
     this.past.push({ words, documents: before });
     if (this.past.length > DEPTH) this.past.shift();
     this.future = [];
     this.take(next, words);
+  }
+
+  /** Several edits are undone as one. */
+  together(words, act) {
+    const [before, last] = [this.now, this.past.at(-1)];
+    act();
+    if (this.now !== before) this.past.splice(this.past.indexOf(last) + 1, Infinity, { words, documents: before });
   }
 
   /** A change that belongs to the edit before it: both are undone together. */

@@ -1,5 +1,6 @@
 // Asks for the strengths of a prediction: mean, standard deviation and distribution, with help.
 
+import { numberBox } from "./numbers.js";
 import { el } from "./ui.js";
 
 /**
@@ -105,9 +106,8 @@ export function askStrengths(state, done, start) {
 
 function fields({ label, mean }) {
   const field = (value, words) => {
-    const made = el("input", { type: "number", min: 0, step: "any", value });
-    made.setAttribute("aria-label", `${words} of ${label} [kPa]`);
-    return made;
+    const made = el("input", { "aria-label": `${words} of ${label} [kPa]` });
+    return numberBox(made, { key: `${words} of ${label}`, unit: "kPa", value }, (now) => { made.value = now ?? ""; }, (fault) => { made.title = fault; });
   };
   return { mean: field(mean, "mean"), std: field("", "standard deviation"), range: el("output", { value: "-" }) };
 }

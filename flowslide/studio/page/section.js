@@ -101,6 +101,33 @@ export function moveVertex(scene, from, to, only = null) {
   }
 }
 
+/**
+ * Put rows of numbers over the vertices of a line from number `i` on, in column `k`; more of them than vertices are added.
+ *
+ * A vertex that others share moves in all. Returns in words what was done; throws where a row has no vertex and is none.
+ */
+export function pasteVertices(scene, { kind, number }, i, k, rows) {
+  const all = lines(scene);
+  const own = all.find((line) => line.kind === kind && line.number === number);
+  const closes = own.closed && i === 0 && rows.length > 3 && rows[0].length === 2 && same(rows[0], rows.at(-1));
+  const fresh = closes ? rows.slice(0, -1) : rows;
+  const count = own.points.length;
+  if (fresh.length > count - i && fresh[0].length < 2) throw new Error(`${fresh.length} rows, where ${count - i} vertices are from here on`);
+  const before = own.points.map((point) => [...point]);
+  const after = fresh.map((row, r) => (row.length === 2 ? row : before[i + r].map((value, axis) => (axis === k ? row[0] : value))));
+  const moved = after.slice(0, count - i);
+  // At once: one of them may go to where another one was.
+  for (const line of all) {
+    line.points.forEach((point, n) => {
+      const old = line === own ? n - i : before.findIndex((one, m) => m >= i && same(one, point)) - i;
+      if (moved[old]) line.points[n] = [...moved[old]];
+    });
+  }
+  own.points.splice(count, 0, ...after.slice(count - i).map((place) => [...place]));
+  return [`${moved.length} moved`, after.length > moved.length ? `${after.length - moved.length} added` : "",
+    count > i + fresh.length ? `${count - i - fresh.length} after them as before` : ""].filter(Boolean).join(", ");
+}
+
 /** A vertex in every line that passes a place without one. */
 export function insertVertex(scene, place, reach = 1e-3) {
   for (const line of lines(scene)) {

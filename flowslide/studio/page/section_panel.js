@@ -2,7 +2,8 @@
 
 import { faultList, placeOf, wrongAt } from "./faults.js";
 import { renameZone } from "./question.js";
-import { area, dropUnused, lines, moveVertex, removeVertex, insertVertex, rounded } from "./section.js";
+import { area, dropUnused, lines, moveVertex, pasteVertices, removeVertex, insertVertex, rounded } from "./section.js";
+import { blockOf, numberBox, numbersOf } from "./numbers.js";
 import { button, el, field, isRefilling, keyWords, readOnly, refill } from "./ui.js";
 import { zoneColours } from "./view.js";
 import { poolSide, setPool, tableOfPool, waterWords } from "./water.js";
@@ -206,23 +207,39 @@ export class SectionPanel {
       ...(chosen < 0 ? [] : this.page.documents.shipped ? readOnly([this.vertices(all[chosen])]) : [this.vertices(all[chosen])]));
   }
 
+  /** A block that is pasted at a vertex goes over those from there on; what is left of it is added. */
+  paste(event, { kind, number }, i, k) {
+    const block = blockOf(event.clipboardData.getData("text"));
+    if (!block) return;
+    event.preventDefault();
+    const { page } = this;
+    try {
+      const rows = numbersOf(block, k === 0 ? ["m", "m"] : ["m"]);
+      const next = structuredClone(this.scene);
+      const found = pasteVertices(next, { kind, number }, i, k, rows.map(rounded));
+      page.documents.edit("vertices pasted", ({ scene }) => Object.assign(scene, next));
+      page.tellTyped(`${rows.length} vertices pasted, ${found}`);
+    } catch (error) { page.tellTyped(`not pasted: ${error.message}`, true); }
+  }
+
   vertices({ points, kind, number }) {
     // Asked for when it is used: the cell beside may have moved it since.
     const place = (i) => lines(this.scene).find((line) => line.kind === kind && line.number === number).points[i];
     const rows = points.map((point, i) => {
       const cell = (k) => {
-        const input = el("input", { type: "number", step: "any", value: point[k], "aria-label": `${"xy"[k]} of vertex ${i + 1} [m]`, "data-key": `vertex-${i}-${k}` });
+        const input = el("input", { "aria-label": `${"xy"[k]} of vertex ${i + 1} [m]`, "data-key": `vertex-${i}-${k}` });
+        numberBox(input, { key: `${kind}-${number}-${i}-${k}`, unit: "m", value: point[k] }, (value) => {
+          const to = [...place(i)];
+          if (value === null) { this.showRight(); return; } // a vertex without a place is none
+          to[k] = value;
+          this.edit("vertex moved", (scene) => moveVertex(scene, place(i), rounded(to)));
+        }, (fault) => { input.title = fault; });
+        input.addEventListener("paste", (event) => this.paste(event, { kind, number }, i, k));
         if (kind === "zone") {
           const { place: where, wrong } = this.at("zones", number, "polygon", i, k);
           input.dataset.field = where;
           if (wrong) Object.assign(input, { title: wrong, ariaInvalid: "true" });
         }
-        input.addEventListener("change", () => {
-          const to = [...place(i)];
-          to[k] = Number(input.value);
-          if (input.value === "" || !Number.isFinite(to[k])) { this.showRight(); return; }
-          this.edit("vertex moved", (scene) => moveVertex(scene, place(i), rounded(to)));
-        });
         input.addEventListener("focus", () => { this.page.editor.selection = { zone: number, line: kind, vertex: place(i) }; this.page.editor.view.draw(); });
         return el("td", {}, input);
       };

@@ -1,14 +1,15 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
+import { numberBox } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { area, ownMaterials } from "./section.js";
 import { waterTableAt } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
+const SIMULATING = "simulating ...";
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
 const MOST_POINTS = 20000; // as flowslide/studio/live.py has it
-const FRAME_S = 0.06; // between two frames of the film
 const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 
 /** `page` has state, view, documents, say(words, bad) and reopen(), which goes back to the files. */
@@ -16,7 +17,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   const sliders = new Sliders({
     connected(is) { say(is ? "connected" : "the server is gone: if it does not come back, start it again and open the address that it prints", !is); },
     deposit: show,
-    failed(message) { say(message, true); },
+    forecast: showForecast,
+    failed(message) { view.forecast = null; view.draw(); say(message, true); },
   });
 
   /** Sliders of the section as it is, and its slide; nothing where that is shown already, or a fault is to be mended. */
@@ -37,6 +39,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** No sliders, no answer: those of another case, or of a section with a fault, are nobody's. */
   function empty() {
+    view.forecast = null;
     pause();
     clearTimeout(filming);
     $("sliders").replaceChildren();
@@ -92,25 +95,24 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     row.className = "slider";
     const label = document.createElement("label");
     label.htmlFor = id;
-    const number = Object.assign(document.createElement("input"), { type: "number", value, step, min: low });
+    const number = document.createElement("input");
     number.setAttribute("aria-label", `${words} [${unit}]`);
     const right = document.createElement("span");
     right.append(number, " ", Object.assign(document.createElement("span"), { className: "unit", textContent: unit }));
     label.append(words, right);
     const range = Object.assign(document.createElement("input"), { type: "range", id, min: low, max: high, step, value });
     let last = value;
-    const change = (source, other, film) => {
-      const now = Number(source.value);
-      if (source.value === "" || !Number.isFinite(now)) return;
-      other.value = now;
+    const move = (now, film) => {
+      number.value = range.value = now;
+      Object.assign(number, { title: "", ariaInvalid: null });
       if (now === last) { if (film) wantFilm(); return; } // a key press is both an input and a change
       last = now;
       set(now);
       ask(film);
     };
-    range.addEventListener("input", () => change(range, number, false));
-    range.addEventListener("change", () => change(range, number, true));
-    number.addEventListener("change", () => change(number, range, true));
+    numberBox(number, { key: words, unit, value, step }, (now) => move(now ?? last, true), (fault) => { number.title = fault; });
+    range.addEventListener("input", () => move(Number(range.value), false));
+    range.addEventListener("change", () => move(Number(range.value), true));
     row.append(label, range);
     return row;
   }
@@ -201,6 +203,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   // --- the answer ---
 
   let asked = 0;
+  let waits = false; // for the deposit of what was asked
   let filming = 0;
 
   /** The deposit first; the way there, with `film`, when it is shown. */
@@ -209,7 +212,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     state.film = film;
     clearTimeout(filming);
     asked = performance.now();
-    say("simulating ...");
+    waits = true;
+    say(SIMULATING);
     question(false);
   }
 
@@ -221,8 +225,28 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     });
   }
 
+  /** What a learned model says, as a band over what is still seen of the values before. */
+  function showForecast(found) {
+    if (state.mode === "section" || !waits || found.header.id < (view.forecast?.header.id ?? 0)) return;
+    view.forecast = found;
+    document.body.dataset.first = String(performance.now() - asked);
+    tellForecast();
+    view.draw();
+  }
+
+  function tellForecast() {
+    const found = view.forecast?.header;
+    $("readings").classList.toggle("before", Boolean(found));
+    if (!found) return;
+    const toes = ["left", "right"].map((side, k) => `${side} toe at ${found.toes[k].toFixed(0)} ± ${found.toe_interval[k].toFixed(0)} m`);
+    say(`${SIMULATING} Band: the learned model, ${toes.join(", ")} (nine of ten slides)`);
+  }
+
   function show(found, isNewest) {
     if (state.mode === "section") return;
+    if (found.header.id >= (view.forecast?.header.id ?? 0)) view.forecast = null;
+    waits = !isNewest;
+    tellForecast();
     const way = view.deposit && found.header.times.length > 1;
     view.deposit = found;
     const last = found.header.times.length - 1;
@@ -313,17 +337,34 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   function tell() {
     const times = view.deposit?.header.times;
-    const speed = state.playing && times?.length > 1 ? `, ${(times.at(-1) / (FRAME_S * (times.length - 1))).toPrecision(2)} × as fast` : "";
-    $("time").value = times ? `${times[view.frame].toFixed(1)} s${speed}` : "-";
+    $("time").value = times ? `${timeAt(times, view.frame).toFixed(1)} s` : "-";
+  }
+
+  /** Time of a frame, also between two of them; and the frame of a time. */
+  function timeAt(times, frame) {
+    const k = Math.floor(frame);
+    return times[k] + (frame - k) * ((times[k + 1] ?? times[k]) - times[k]);
+  }
+
+  function frameAt(times, time) {
+    const k = times.findLastIndex((one) => one <= time);
+    return k === times.length - 1 ? k : k + (time - times[k]) / (times[k + 1] - times[k]);
   }
 
   let watching = 0; // for the film that was asked for
+  let from = null; // the film has run since then: { at: [ms], time: [s] }
 
   /** The film stands still. */
   function pause() {
     clearInterval(watching);
     state.playing = false;
     $("play").textContent = "Play";
+  }
+
+  /** Another tab is shown: nobody waits for an answer any more. */
+  function leave() {
+    if ($("status").textContent.startsWith(SIMULATING)) say("");
+    pause();
   }
 
   function play() {
@@ -335,32 +376,43 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       $("play").textContent = "Pause";
       ask(true);
       watching = setInterval(() => {
-        if (view.deposit?.header.times.length > 1) { clearInterval(watching); view.frame = 0; step(); }
+        if (view.deposit?.header.times.length > 1) { clearInterval(watching); view.frame = 0; run(); }
       }, 40);
       return;
     }
     state.playing = true;
     $("play").textContent = "Pause";
     if (view.frame >= view.deposit.header.times.length - 1) view.frame = 0;
-    step();
+    run();
   }
 
-  function step() {
+  /** From the frame that is shown on, at the speed that is chosen. */
+  function run() {
+    from = { at: performance.now(), time: timeAt(view.deposit.header.times, view.frame) };
+    requestAnimationFrame(step);
+  }
+
+  function step(now) {
     if (!state.playing || !view.deposit) return;
-    const last = view.deposit.header.times.length - 1;
-    view.frame = Math.min(view.frame + 1, last);
-    $("scrub").value = view.frame;
+    const { times } = view.deposit.header;
+    const time = Math.min(from.time + (Math.max(now - from.at, 0) / 1000) * Number($("speed").value), times.at(-1));
+    seek(frameAt(times, time));
+    if (time === times.at(-1)) pause(); else requestAnimationFrame(step);
+  }
+
+  function seek(frame) {
+    view.frame = frame;
+    $("scrub").value = frame;
     tell();
     view.draw();
-    if (view.frame === last) { pause(); tell(); return; }
-    setTimeout(step, 1000 * FRAME_S);
   }
 
   $("spacing").addEventListener("change", () => { state.spacing = Number($("spacing").value); ask(false); });
   $("keep").addEventListener("click", keepValues);
   $("reset").addEventListener("click", reopen);
   $("play").addEventListener("click", play);
-  $("scrub").addEventListener("input", () => { view.frame = Number($("scrub").value); tell(); view.draw(); });
+  $("scrub").addEventListener("input", () => { seek(Number($("scrub").value)); if (state.playing) run(); });
+  $("speed").addEventListener("change", () => { if (state.playing && from) run(); });
   $("colour").addEventListener("change", () => { view.colour = $("colour").value; view.paintLegend(); view.draw(); });
   $("before").addEventListener("change", () => { view.before = $("before").checked; view.draw(); });
   $("rise").addEventListener("change", () => {
@@ -369,5 +421,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (isFitted) view.fit();
   });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, pause, empty, showValues, keepAnswer };
+  return { flow, play, leave, empty, showValues, keepAnswer };
 }

@@ -4,7 +4,9 @@ import { answers } from "./answer.js";
 import { get, send, upload } from "./api.js";
 import { Documents } from "./documents.js";
 import { Editor, TOOLS } from "./editor.js";
+import { blockOf, cellsOf, forget, knowUnits, numbersOf, pasteInto, setUp } from "./numbers.js";
 import { SectionPanel } from "./section_panel.js";
+import { saveView } from "./saving.js";
 import { makeSlide } from "./slide.js";
 import { SurveyPanel } from "./survey_panel.js";
 import { button, el, justTyped } from "./ui.js";
@@ -18,11 +20,17 @@ const CHOOSE = "this case was changed elsewhere while you edited it: choose whic
 const GRIDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0,
-  mode: "slide", fresh: false };
+  mode: "slide", fresh: false, told: "" };
 
 function say(words, bad = false) {
   $("status").textContent = words;
   $("status").className = bad ? "bad" : "";
+}
+
+/** What became of what somebody has typed or pasted: said until it is saved, and then once more. */
+function tellTyped(words, bad = false) {
+  say(words, bad);
+  state.told = bad ? "" : words;
 }
 
 // --- the case: drawn, surveyed, saved ---
@@ -31,7 +39,7 @@ const documents = new Documents({
   changed(words, isOther) {
     state.fresh = false;
     if (isOther) {
-      view.deposit = null; // it was of another section
+      view.deposit = view.forecast = null; // it was of another section
       view.marks = [];
     }
     view.preview(documents.now.scene);
@@ -39,11 +47,15 @@ const documents = new Documents({
     say(`${words}; saving ...`);
     refresh();
   },
+  same() { refresh(); },
   saved(found) {
     state.found = found;
     take(found);
     // An edit that came meanwhile is not among what was saved: its own words stay.
-    if (!documents.dirty) say(found.faults.length ? `kept as a draft: ${found.faults[0].message}` : "saved", found.faults.length > 0);
+    if (!documents.dirty) {
+      say(found.faults.length ? `kept as a draft: ${found.faults[0].message}` : ["saved", state.told].filter(Boolean).join(": "), found.faults.length > 0);
+      state.told = "";
+    }
     document.body.dataset.saved = found.revision;
     proposeOnce();
     if (state.mode !== "section") slide.flow();
@@ -62,7 +74,7 @@ const editor = new Editor(view, {
 });
 
 const page = {
-  view, editor, documents, say, refresh, setMode,
+  view, editor, documents, say, tellTyped, refresh, setMode,
   get faults() { return state.found?.faults ?? []; },
   get materials() { return state.workspace.materials; },
   get forms() { return state.workspace.measurements; },
@@ -134,9 +146,9 @@ async function open(name, again = false, unasked = false) {
   $("apart").hidden = true;
   for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = kind !== "copy" && found.shipped;
   documents.open(found);
-  if (!again) editor.use("select");
+  if (!again) { editor.use("select"); forget(); }
   if (!again || !editor.hasSelected()) editor.selection = {};
-  view.deposit = null;
+  view.deposit = view.forecast = null;
   view.level = undefined;
   view.marks = [];
   slide.empty();
@@ -158,7 +170,7 @@ function apart(words, found) {
 function setMode(mode) {
   if (!state.found) return;
   const isOther = state.mode !== mode;
-  if (isOther) slide.pause();
+  if (isOther) slide.leave();
   state.mode = mode;
   sessionStorage.setItem("mode", mode); // a reload goes on in it
   document.body.dataset.mode = mode;
@@ -167,7 +179,7 @@ function setMode(mode) {
   if (isOther) editor.use("select"); else drawing();
   showMarks();
   view.stretch(mode === "section" ? 1 : Number($("rise").value)); // what is drawn has equal scales
-  if (mode === "section") { view.deposit = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
+  if (mode === "section") { view.deposit = view.forecast = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
   refresh();
   if (mode === "slide" || mode === "survey") slide.flow();
 }
@@ -185,13 +197,27 @@ function buildTools() {
   $("coordinate").addEventListener("keydown", (event) => {
     if (event.key !== "Enter" || !state.found) return;
     const text = $("coordinate").value.trim();
-    $("coordinate").value = "";
-    if (!text) { editor.close(); return; }
-    const place = text.split(/[\s,;]+/).map(Number);
-    if (place.length !== 2 || !place.every(Number.isFinite)) { say(`${text}: a vertex is typed as x, y in metres`, true); return; }
-    if (editor.tool === "select") editor.use("zone");
-    editor.add(place);
+    if (text) addVertices([cellsOf(text)]); else editor.close();
   });
+  $("coordinate").addEventListener("paste", (event) => {
+    const block = blockOf(event.clipboardData.getData("text"));
+    if (!block || !state.found) return;
+    event.preventDefault();
+    addVertices(block);
+  });
+}
+
+/** Vertices of the line that is drawn; one that is typed wrong stays to be mended. */
+function addVertices(block) {
+  let places;
+  try {
+    places = numbersOf(block, ["m", "m"]);
+    if (places.some(({ length }) => length !== 2)) throw new Error(`${block[0].join(" ")}: a vertex is x, y in metres`);
+  } catch (error) { say(error.message, true); return; }
+  $("coordinate").value = "";
+  if (editor.tool === "select") editor.use("zone");
+  for (const place of places) editor.add(place);
+  if (places.length > 1 && editor.drawn.length) tellTyped(`${places.length} vertices: Enter ends the line`);
 }
 
 function drawing() {
@@ -334,6 +360,9 @@ async function start() {
   document.documentElement.dataset.theme = localStorage.getItem("theme")
     ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   state.workspace = await get("/api/workspace");
+  knowUnits(state.workspace.units);
+  setUp(tellTyped, (words, act) => documents.together(words, act));
+  document.addEventListener("paste", pasteInto);
   const { cases } = state.workspace;
   $("case").addEventListener("change", async () => {
     const wanted = $("case").value;
@@ -348,6 +377,15 @@ async function start() {
   for (const tab of $("modes").children) tab.addEventListener("click", () => setMode(tab.dataset.mode));
   buildTools();
   $("theme").addEventListener("click", theme);
+  for (const one of $("save").querySelectorAll("button")) {
+    one.addEventListener("click", async () => {
+      $("save").open = false;
+      if (!state.found) return;
+      say(`${await saveView(one.dataset.kind, view, `${state.name}-${state.mode}`)} is with your downloads`);
+    });
+  }
+  $("save").addEventListener("keydown", ({ key }) => { if (key === "Escape") $("save").open = false; });
+  addEventListener("pointerdown", ({ target }) => { if (!$("save").contains(target)) $("save").open = false; });
   for (const side of ["left", "right"]) {
     fold(side, localStorage.getItem(`panel-${side}`) === "folded");
     $(`fold-${side}`).addEventListener("click", () => fold(side));

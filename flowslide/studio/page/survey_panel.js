@@ -1,6 +1,7 @@
 // What was measured, and what is asked of it: forms for every type of measurement, profiles by paste or file.
 
 import { faultList, placeOf, wrongAt } from "./faults.js";
+import { cellsOf, numbersOf } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { button, el, field, keyWords, readOnly, refill } from "./ui.js";
 
@@ -152,7 +153,8 @@ export class SurveyPanel {
       this.page.documents.edit("profile", (documents) => { documents.tables[entry.file] = table; });
     };
     const area = el("textarea", { rows: 7, value: text, "aria-label": `points of ${entry.name}`, "data-key": `${i}.file`,
-      placeholder: "x and y [m] of the surface, a point a line", on: { change: ({ target }) => set(target.value) } });
+      placeholder: "x and y [m] of the surface, a point a line", on: { change: ({ target }) => set(target.value),
+        paste: ({ target }) => setTimeout(() => set(target.value)) } }); // it is seen at once
     const file = el("input", { type: "file", accept: ".csv,.txt", "aria-label": `file of ${entry.name}` });
     file.addEventListener("change", async () => { if (file.files[0]) set(await file.files[0].text()); });
     return el("div", {}, el("p", { className: "note", textContent: "Paste two columns, x and y in metres, from left to right, or choose a file:" }), area, file);
@@ -166,6 +168,12 @@ export class SurveyPanel {
       el("h2", { textContent: "Asked" }), ...(this.page.documents.shipped ? readOnly(asked) : asked));
   }
 
+  /** Something liquefies in a section without a fault: else there is nothing to ask for. */
+  get canPropose() {
+    return !this.page.faults.some(({ document: part }) => part === "scene")
+      && Object.values(this.documents.scene.materials).some(({ liquefied }) => liquefied);
+  }
+
   question(inversion) {
     const set = (i, key) => (value) => this.page.documents.edit(key, (documents) => { documents.inversion.parameters[i][key] = value; });
     return [
@@ -177,7 +185,8 @@ export class SurveyPanel {
       field({ words: "fitted to", kind: "choice", choices: ["runout", "misfit"], names: LOSSES, value: inversion.loss ?? "runout",
         help: "the toes alone, in metres; or everything that is ticked as fitted, each in standard deviations of its survey" },
       (value) => this.page.documents.edit("loss", (documents) => { documents.inversion.loss = value; })),
-      button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now" }),
+      button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now",
+        disabled: !this.canPropose }),
     ];
   }
 
@@ -191,30 +200,17 @@ export class SurveyPanel {
 }
 
 /**
- * Pasted columns as the CSV of a profile; what has a header is kept as it is.
+ * Pasted columns as the CSV of a profile; what has its header is kept as it is.
  *
- * Where tabs or semicolons separate, or blanks between numbers with commas, a comma is a decimal sign.
- * A row that is not two numbers is an error, but for a title before the first one.
+ * A row that is not two numbers is an error, but for titles before the first one, whose units count.
  */
 export function tableOf(text) {
   const rows = text.replaceAll("\r", "").split("\n").map((row) => row.trim()).filter(Boolean);
-  if (rows.some((row) => /x_m/.test(row))) return `${rows.join("\n")}\n`;
-  const columns = rows.map(cells);
-  const first = columns.findIndex((row) => row.length && row.every(isNumber));
-  const points = first < 0 ? [] : columns.slice(first);
-  points.forEach((row, i) => {
-    if (row.length !== 2 || !row.every(isNumber)) throw new Error(`${rows[first + i]}: a point is two numbers, x and y in metres`);
-  });
-  return `x_m,y_m\n${points.map((row) => row.join(",")).join("\n")}\n`;
-}
-
-const isNumber = (cell) => cell !== "" && Number.isFinite(Number(cell));
-
-function cells(row) {
-  const point = (cell) => cell.trim().replace(/^([-+]?\d*),(\d+)$/, "$1.$2");
-  if (/[\t;]/.test(row)) return row.split(/[\t;]/).map(point);
-  const blanks = row.split(/\s+/);
-  // "12,5 3,2": a comma that separates would have no digit on one of its sides, or stand alone.
-  if (blanks.length === 2 && blanks.every((cell) => /^[-+]?\d+,\d+$/.test(cell))) return blanks.map(point);
-  return row.split(/\s*,\s*|\s+/);
+  if (rows.some((row) => /^x_m\s*,/.test(row))) return `${rows.join("\n")}\n`;
+  let points;
+  try {
+    points = numbersOf(rows.map(cellsOf), ["m", "m"]);
+    if (points.some(({ length }) => length !== 2)) throw new Error(rows[0]);
+  } catch (error) { throw new Error(`${error.message}: a point is two numbers, x and y in metres`); }
+  return `x_m,y_m\n${points.map((row) => `${row.join(",")}\n`).join("")}`;
 }

@@ -1,5 +1,7 @@
 // Small parts of the page.
 
+import { numberBox, typedInto } from "./numbers.js";
+
 /** A colour of the theme. */
 export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -24,6 +26,9 @@ export const button = (words, act, more = {}) => el("button", { type: "button", 
  */
 export function field({ words, shown = words, key = words, place = "", wrong = "", kind = "number", value, unit = "", choices = [], names = {}, help = "", holder = "" }, set) {
   let input;
+  const isNumber = kind === "number" || kind === "numbers";
+  const label = el("label", { className: `field ${kind}`, title: help }, el("span", { textContent: shown }));
+  const tellWrong = (fault) => { label.querySelector(".wrong")?.remove(); label.append(el("span", { className: "wrong", textContent: fault })); };
   if (kind === "choice") {
     input = el("select", {}, ...(value === undefined ? [new Option("choose ...", "")] : []),
       ...choices.map((one) => new Option(names[one] ?? one.replaceAll("_", " "), one, false, one === value)));
@@ -32,23 +37,21 @@ export function field({ words, shown = words, key = words, place = "", wrong = "
     input = el("input", { type: "checkbox", checked: Boolean(value) });
     input.addEventListener("change", () => set(input.checked));
   } else {
-    const shown = Array.isArray(value) ? value.join(", ") : value ?? "";
-    input = el("input", { type: kind === "number" ? "number" : "text", step: "any", value: shown, placeholder: holder });
-    input.addEventListener("change", () => {
-      const text = input.value.trim();
-      if (text === "") set(null);
-      else if (kind === "number") set(Number(text));
-      else if (kind === "numbers") set(text.split(/[\s,;]+/).filter(Boolean).map(Number));
-      else set(text);
-    });
+    input = el("input", { type: "text", value: value ?? "", placeholder: holder });
+    if (!isNumber) input.addEventListener("change", () => set(input.value.trim() || null));
   }
   input.setAttribute("aria-label", unit ? `${words} [${unit}]` : words);
   input.dataset.key = key;
   if (place) input.dataset.field = place;
   if (wrong) input.setAttribute("aria-invalid", "true");
-  return el("label", { className: `field ${kind}`, title: help }, el("span", { textContent: shown }),
-    el("span", { className: "value" }, input, el("span", { className: "unit", textContent: unit })),
-    wrong ? el("span", { className: "wrong", textContent: wrong }) : null);
+  label.append(el("span", { className: "value" }, input, el("span", { className: "unit", textContent: unit })));
+  if (wrong) tellWrong(wrong);
+  if (isNumber) {
+    numberBox(input, { key: place || key, unit, value, list: kind === "numbers" }, set, tellWrong);
+    const { words: converted } = typedInto(place || key, value);
+    if (converted) label.append(el("span", { className: "converted", textContent: converted }));
+  }
+  return label;
 }
 
 /** Controls that change something do nothing here: what is shown can be read alone. */

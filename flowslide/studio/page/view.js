@@ -1,5 +1,6 @@
 // Draws the section before the slide and the points of a deposit, with pan and zoom; heights may be exaggerated.
 
+import { hatchOf, paintHatch } from "./hatch.js";
 import { bounds, lowest, roomOf } from "./section.js";
 import { css } from "./ui.js";
 import { paintWater, paintWaterTable } from "./water_view.js";
@@ -27,8 +28,9 @@ export class View {
     this.legend = legend;
     this.scene = null;
     this.deposit = null;
+    this.forecast = null; // what comes next, by a learned model
     this.marks = [];
-    this.frame = 0;
+    this.frame = 0; // of the film; also between two of them
     this.colour = "zone";
     this.before = true;
     this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel across]
@@ -93,7 +95,7 @@ export class View {
     const marked = this.marks.map(({ x }) => x);
     const ends = [Math.min(found.left, ...marked), Math.max(found.right, ...marked), lowest(this.scene), found.high];
     const { positions, header } = this.deposit ?? {};
-    for (let i = 2 * (header?.points ?? 0) * this.frame; i < (positions?.length ?? 0); i += 2) {
+    for (let i = 2 * (header?.points ?? 0) * Math.floor(this.frame); i < (positions?.length ?? 0); i += 2) {
       ends[0] = Math.min(ends[0], positions[i]);
       ends[1] = Math.max(ends[1], positions[i]);
       ends[3] = Math.max(ends[3], positions[i + 1]);
@@ -185,21 +187,30 @@ export class View {
   paint() {
     const { scene, box, canvas } = this;
     const pen = canvas.getContext("2d");
-    const ratio = devicePixelRatio || 1;
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, canvas.width, canvas.height);
     if (!scene || !box) return;
     canvas.dataset.box = [...box, this.rise].join(" ");
+    this.paintOn(pen, devicePixelRatio || 1);
+  }
+
+  /** With a pen whose sheet has `ratio` pixels for one of the page. */
+  paintOn(pen, ratio) {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.under?.(pen);
     paintWater(this, pen);
-    if (this.deposit) this.paintPoints();
+    if (this.deposit) {
+      pen.globalAlpha = this.forecast ? 0.35 : 1; // of the values before
+      this.paintPoints(pen, ratio);
+      pen.globalAlpha = 1;
+    }
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.paintSection(pen);
     this.paintGround(pen);
     this.paintEnds(pen);
     paintWaterTable(this, pen);
     this.paintAxes(pen);
+    if (this.forecast) this.paintForecast(pen);
     this.paintMarks(pen);
     this.over?.(pen);
   }
@@ -211,17 +222,16 @@ export class View {
   }
 
   /** Points go straight into pixels: thousands of them at the speed of the film. */
-  paintPoints() {
-    const { canvas, deposit } = this;
-    const ratio = devicePixelRatio || 1;
+  paintPoints(pen, ratio) {
+    const { deposit } = this;
+    const tall = this.canvas.clientHeight * ratio;
     const [left, bottom, scale] = this.box;
     const k = ratio / scale;
     const up = ratio / this.up;
     const n = deposit.header.points;
-    const first = 2 * n * this.frame;
+    const place = this.placesOf(n);
     const colours = this.coloursOf(n);
     const [wide, high] = [k, up].map((pixels) => Math.max(Math.ceil(deposit.header.spacing_m * pixels * 1.12), 1));
-    const pen = canvas.getContext("2d");
     pen.setTransform(1, 0, 0, 1, 0, 0);
     // One fill style per colour: points are sorted by it once for each frame.
     const groups = new Map();
@@ -233,11 +243,20 @@ export class View {
     for (const [colour, members] of groups) {
       pen.fillStyle = colour;
       for (const i of members) {
-        const x = (deposit.positions[first + 2 * i] - left) * k;
-        const y = canvas.height - (deposit.positions[first + 2 * i + 1] - bottom) * up;
+        const x = (place(2 * i) - left) * k;
+        const y = tall - (place(2 * i + 1) - bottom) * up;
         pen.fillRect(x - wide / 2, y - high / 2, wide, high);
       }
     }
+  }
+
+  /** Coordinate number `k` of the points in the frame that is shown; between two frames they move straight. */
+  placesOf(n) {
+    const { positions } = this.deposit;
+    const before = Math.floor(this.frame);
+    const [first, share] = [2 * n * before, this.frame - before];
+    if (share === 0) return (k) => positions[first + k];
+    return (k) => positions[first + k] + share * (positions[first + 2 * n + k] - positions[first + k]);
   }
 
   coloursOf(n) {
@@ -252,12 +271,12 @@ export class View {
   }
 
   values(n) {
-    const { deposit, frame } = this;
+    const { deposit } = this;
+    const frame = Math.floor(this.frame);
     if (this.colour === "plastic_strain") return (i) => deposit.plastic_strain[i];
     if (this.colour === "speed") return (i) => deposit.speed[frame * n + i];
-    const first = 2 * n * frame;
-    return (i) => Math.hypot(deposit.positions[first + 2 * i] - deposit.initial[2 * i],
-      deposit.positions[first + 2 * i + 1] - deposit.initial[2 * i + 1]);
+    const place = this.placesOf(n);
+    return (i) => Math.hypot(place(2 * i) - deposit.initial[2 * i], place(2 * i + 1) - deposit.initial[2 * i + 1]);
   }
 
   /** Upper end of the scale: that of the whole film, so that colours keep their meaning. */
@@ -284,20 +303,51 @@ export class View {
   paintSection(pen) {
     const palette = zoneColours(this.scene);
     this.scene.zones.forEach(({ polygon }, number) => {
-      this.path(pen, polygon);
-      pen.closePath();
       if (!this.deposit) {
+        this.path(pen, polygon);
+        pen.closePath();
         pen.fillStyle = palette[number];
         pen.globalAlpha = this.under ? 0.45 : 1;
         pen.fill();
+        this.paintHatch(pen, number);
       }
       if (this.before || !this.deposit) {
+        this.path(pen, polygon);
+        pen.closePath();
         pen.strokeStyle = css("--ink");
         pen.globalAlpha = this.deposit ? 0.45 : 0.7;
         pen.lineWidth = 1;
         pen.stroke();
       }
       pen.globalAlpha = 1;
+    });
+  }
+
+  paintHatch(pen, number) {
+    const { polygon, material } = this.scene.zones[number];
+    const kind = hatchOf(material, Object.keys(this.scene.materials).indexOf(material));
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    pen.strokeStyle = pen.fillStyle = css("--hatch");
+    pen.lineWidth = 0.8;
+    paintHatch(pen, kind, polygon.map((place) => this.pixel(place)), this.pixel([0, 0]), { width, height });
+  }
+
+  /** The surface that a learned model expects, with the band that holds nine of ten slides, and its toes. */
+  paintForecast(pen) {
+    const { x, low, middle, high, header } = this.forecast;
+    const line = (heights) => Array.from(x, (at, i) => [at, heights[i]]);
+    pen.strokeStyle = pen.fillStyle = css("--accent");
+    pen.globalAlpha = 0.25;
+    this.path(pen, [...line(high), ...line(low).reverse()]);
+    pen.fill();
+    pen.globalAlpha = 1;
+    pen.lineWidth = 1.8;
+    this.path(pen, line(middle));
+    pen.stroke();
+    const foot = bounds(this.scene).low;
+    header.toes.forEach((toe, k) => {
+      const [[left, y], [right]] = [-1, 1].map((way) => this.pixel([toe + way * header.toe_interval[k], foot]));
+      pen.fillRect(left, y + 4, Math.max(right - left, 2), 3);
     });
   }
 
@@ -354,7 +404,7 @@ export class View {
   paintMarks(pen) {
     const [left, , scale] = this.box;
     const { clientHeight: height } = this.canvas;
-    const sides = {};
+    const rows = []; // what stands in each row of words [pixels]
     for (const { x, words, colour, low } of this.marks) {
       const px = (x - left) / scale;
       pen.strokeStyle = css(colour);
@@ -363,9 +413,13 @@ export class View {
       pen.beginPath(); pen.moveTo(px, 34); pen.lineTo(px, height - 24); pen.stroke();
       pen.setLineDash([]);
       pen.textAlign = "center";
-      const row = sides[Math.round(px / 120)] = (sides[Math.round(px / 120)] ?? 0) + 1;
       const half = 0.5 * pen.measureText(words).width + 4;
-      pen.fillText(words, Math.min(Math.max(px, half), this.canvas.clientWidth - half), 14 * row);
+      const at = Math.min(Math.max(px, half), this.canvas.clientWidth - half);
+      const isFree = (row) => !rows[row]?.some(([middle, wide]) => Math.abs(middle - at) < wide + half);
+      let row = 0;
+      while (!isFree(row)) row += 1;
+      (rows[row] ??= []).push([at, half]);
+      pen.fillText(words, at, 14 * (row + 1));
     }
   }
 

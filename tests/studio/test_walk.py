@@ -1,0 +1,64 @@
+"""Random walks through the studio and drags of a slider: what nobody would think of.
+
+A short walk is a test. With STUDIO_WALK=200 it is 200 actions from each of five seeds, 100 drags,
+and (in test_server.py) 200 pairs of questions.
+"""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, WALK, watched
+from tests.studio.walking import Walk
+
+pytestmark = NEEDS_CHROMIUM
+#: Actions after which everything must agree.
+LEG = 20
+
+
+@pytest.mark.parametrize("seed", range(5) if WALK else [1])
+def test_page_files_and_undo_agree_after_a_walk(browser, workspace, seed):
+    walk = Walk(browser, workspace, seed)
+    try:
+        for number in range(1, (WALK or 40) + 1):
+            walk.step()
+            if number % LEG == 0:
+                walk.agree()
+    except BaseException:
+        print("\n".join(walk.log[-60:]))
+        raise
+    finally:
+        walk.close()
+
+
+def test_every_drag_ends_with_the_answer_to_where_it_ended(address, browser):
+    page, chance = watched(browser, width=1380, height=860), random.Random(2)
+    page.goto(address)
+    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    slider = page.locator("#sliders input[type=range]").first
+    box = slider.bounding_box()
+    asked = {}
+    for _ in range(100 if WALK else 5):
+        x, y = box["x"] + chance.random() * box["width"], box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for _ in range(chance.randint(0, 12)):
+            x = min(max(x + chance.randint(-60, 60), box["x"] + 2), box["x"] + box["width"] - 2)
+            page.mouse.move(x, y + chance.randint(-10, 10))
+            page.wait_for_timeout(chance.choice((0, 5, 30, 120)))
+        page.mouse.up()
+        page.wait_for_function(
+            "() => document.querySelector('#status').textContent.includes('answered in')",
+            timeout=WAIT_MS,
+        )
+        value = float(slider.input_value())
+        assert float(page.get_by_label("S_r, loose [kPa]").input_value()) == value
+        toe = float(page.locator("#readings tbody td").nth(2).inner_text().split()[0])
+        assert asked.setdefault(value, toe) == toe
+    # That of another place would stand out: the weaker, the farther.
+    runout = [asked[value] for value in sorted(asked)]
+    assert all(far > near - 0.7 for far, near in zip(runout, runout[1:], strict=False)), asked
+    assert not page.errors
