@@ -60,13 +60,11 @@ def run_rounds(selection: Selection) -> None:
         if number == 0:
             tried = selection.with_own_errors(now.model, seek_places(selection, tried))
         best = selection.accepted(now.model, tried)
-        if best is not None and number == 0:
-            doubles = untried_doubles(tried_models, selection.explanation, best, options)
-            tried += selection.refitted(doubles)
-            tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
         # A first effect has to pass by the slope that its search has learnt: its own comes on top,
         # so that what is faint stays unnamed. A further one is compared with a model that has one.
-        if best is not None or now.model.names:
+        if best is not None and number == 0:
+            best, tried = before_its_doubles(selection, now.model, best, tried)
+        elif now.model.names:
             tried = selection.on_equal_terms(now.model, tried)
             best = selection.accepted(now.model, tried)
         if number == 0:
@@ -82,6 +80,32 @@ def run_rounds(selection: Selection) -> None:
     if selection.now.model.names:
         selection.doubt()
     runs.reserve = 0
+
+
+def before_its_doubles(
+    selection: Selection, before: FittedModel, best: FittedModel, tried: list[FittedModel]
+) -> tuple[FittedModel | None, list[FittedModel]]:
+    """The effect that is adopted once all that looks like it was refitted, and what was refitted.
+
+    A double may take the lead, and it has doubles of its own: they are asked until the leader has
+    none left.
+
+    Args:
+        selection: under way.
+        before: the model without it.
+        best: the effect that leads so far.
+        tried: all that was refitted with it.
+    """
+    while True:
+        doubles = untried_doubles(selection.tried, selection.explanation, best, selection.options)
+        if doubles:
+            tried = tried + selection.refitted(doubles)
+            tried = selection.with_own_errors(before, selection.judged_best(before, tried))
+        tried = selection.on_equal_terms(before, tried)
+        leader = selection.accepted(before, tried)
+        if leader is None or (not doubles and leader.names == best.names):
+            return leader, tried
+        best = leader
 
 
 def kept_for_a_curve(selection: Selection) -> int:
@@ -127,11 +151,16 @@ def untried_doubles(
 ) -> list[tuple[str, ...]]:
     """Effects that are hard to tell from the one that is about to be named, and were not refitted.
 
-    A score is linear: of two effects that look alike the wrong one may promise more.
+    A score is linear: of two effects that look alike the wrong one may promise more. Several
+    effects together have no doubles.
     """
+    if len(best.names) != 1:
+        return []
     (name,) = best.names
     alike = explanation.alike(name, options.hardly_separable)
-    tried = [key[0] for key in tried_models.models if len(key) == 1]
+    # A member of a family that was refitted and looks otherwise says nothing of those that do not.
+    asked = [*tried_models.models, *tried_models.untried]
+    tried = [key[0] for key in asked if len(key) == 1 and {*key} & {name, *alike}]
     return [(other,) for other in representatives(explanation, alike, tried)]
 
 
