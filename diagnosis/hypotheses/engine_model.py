@@ -109,9 +109,7 @@ class EngineModel:
         ]
         self._priors = dict(priors or {})
         self.candidates = [self._with_prior(one) for one in every]
-        left_out = {**idle, **certain}
-        # What a premise rules out may be on trial without it.
-        self.left_out = {n: why for n, why in left_out.items() if n not in self._assumptions}
+        self.left_out = {**idle, **certain}
         further = [one for one in possible_measurements(setup) if self.engine.reads(one)]
         self._possible = (
             make_targets(further, fit=None, loss="misfit", source="what could be measured")

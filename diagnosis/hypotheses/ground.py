@@ -30,9 +30,10 @@ from geometry.sides import SIDES, Side
 from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effect
 
-BONDED, ROUGH, FRICTION, COEFFICIENT, WEAK = (
-    "bonded_base", "rough_base", "base_of_friction", "base_friction", "weak_base",
+BONDED, ROUGH, FRICTION, COEFFICIENT = (
+    "bonded_base", "rough_base", "base_of_friction", "base_friction",
 )  # fmt: skip
+WEAK, UNBONDED = "weak_base", "weak_unbonded_base"
 LEVEL, TILT, FORELAND, BUMP = "base_level", "base_tilt", "foreland", "bump"
 
 #: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand.
@@ -108,10 +109,11 @@ def _contacts(scene: Scene) -> list[Assumption]:
 def _unbonded() -> Assumption:
     """A base that is stated as bonded was not, and is weaker than the soil on it.
 
-    Bonded ground has no strength that the effect of this name could lower.
+    Bonded ground has no strength that `weak_base` could lower.
     """
     weak = candidate_of(effect(WEAK), {})
-    candidate = replace(weak, words=f"the base was not bonded, and {weak.words}")
+    words = f"the base was not bonded, and {weak.words}"
+    candidate = replace(weak, name=UNBONDED, words=words)
 
     def change(setup: SectionSetup, share: float) -> SectionSetup:
         rough = _touching(setup, "rough")

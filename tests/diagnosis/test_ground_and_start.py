@@ -58,8 +58,8 @@ def test_every_other_contact_is_on_trial(setup):
     assert (weak.contact, weak.friction_coefficient) == ("coulomb", pytest.approx(0.24))
     bonded = by_name(ground.assumptions(with_contact(setup, "no_slip"), [])[0])
     assert "bonded_base" not in bonded and "rough_base" in bonded
-    assert "weak_base" not in rough, "the effect of this name can act there"
-    weak = bonded["weak_base"].change(with_contact(setup, "no_slip"), 0.4).scene
+    assert "weak_unbonded_base" not in rough, "the effect itself can act there"
+    weak = bonded["weak_unbonded_base"].change(with_contact(setup, "no_slip"), 0.4).scene
     assert weak.ground.contact == "rough" and weak.effects["weak_base"] == 0.4
     assert effect("weak_base").applies(with_contact(setup, "no_slip").scene), "bonded: no effect"
     sliding = with_contact(setup, "coulomb", 0.4)
