@@ -15,11 +15,12 @@ import numpy as np
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
 from diagnosis.selection.decide import explains
+from diagnosis.selection.evidence import credible_set, probabilities
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.places import seek_places
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
-from diagnosis.selection.tried_models import AdoptedModel, TriedModels, why_not
+from diagnosis.selection.tried_models import AdoptedModel, TriedModels, compared, why_not
 from diagnosis.selection.unknown_curve import runs_wanted
 from pipeline.ties import ranked
 
@@ -88,7 +89,7 @@ def before_its_doubles(
     """The effect that is adopted once all that looks like it was refitted, and what was refitted.
 
     A double may take the lead, and it has doubles of its own: they are asked until the leader has
-    none left.
+    none left, or shares the lead with others so that no name is given anyway.
 
     Args:
         selection: under way.
@@ -103,9 +104,18 @@ def before_its_doubles(
             tried = selection.with_own_errors(before, selection.judged_best(before, tried))
         tried = selection.on_equal_terms(before, tried)
         leader = selection.accepted(before, tried)
-        if leader is None or (not doubles and leader.names == best.names):
+        settled = not doubles and leader is not None and leader.names == best.names
+        if leader is None or settled or not would_be_named(selection, tried):
             return leader, tried
         best = leader
+
+
+def would_be_named(selection: Selection, tried: Sequence[FittedModel]) -> bool:
+    """One of the models has the probability of an answer, or several of one family have it."""
+    evidence = compared([model for model in tried if not model.unread])
+    known = selection.explanation.known
+    leading = credible_set(probabilities(evidence), selection.options.credible)
+    return len({tuple(known[name].family for name in names) for names in leading}) == 1
 
 
 def kept_for_a_curve(selection: Selection) -> int:

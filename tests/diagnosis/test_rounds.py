@@ -466,7 +466,10 @@ def test_doubles_are_asked_until_the_leader_has_none_left(monkeypatch):
         tried=tried_models,
         options=Options(),
         explanation=SimpleNamespace(
-            alike=lambda name, least: alike[name], candidates=[], scores=promises(10.0, {})
+            alike=lambda name, least: alike[name],
+            candidates=[],
+            scores=promises(10.0, {}),
+            known={name: SimpleNamespace(family="physics") for name in evidence},
         ),
         refitted=refit_all,
         judged_best=lambda before, models: models,
@@ -477,6 +480,13 @@ def test_doubles_are_asked_until_the_leader_has_none_left(monkeypatch):
     first = tried_models.models[("layer",)]
     best, tried = forward_selection.before_its_doubles(search, BASE, first, [first])
     assert best.names == ("friction",) and len(tried) == 3
+
+    evidence["overburden"] = 5.5  # no name is given anyway
+    for name in ("overburden", "friction"):
+        del tried_models.models[(name,)]
+        search.explanation.known[name] = SimpleNamespace(family="ground")
+    best, tried = forward_selection.before_its_doubles(search, BASE, first, [first])
+    assert best.names == ("overburden",) and len(tried) == 2
 
 
 def test_a_member_of_a_family_that_looks_otherwise_does_not_stand_for_those_that_do_not():
