@@ -55,6 +55,8 @@ class Options:
         held_out_left: share of the base model's excess misfit on held-out data that an answer may
             leave, where these still fail with
         held_out_failing: a p below this.
+        held_out_rise: rise of the sum of squares of failing held-out data (p below `still_failing`)
+            with which no answer stands: their density falls by two, as by two standard deviations.
         refitted: candidates that are refitted by their score.
         inseparable: |cosine| from which two signatures are the same to these data.
         hardly_separable: |cosine| from which an effect is refitted before its double is named.
@@ -99,6 +101,7 @@ class Options:
     left_over: float = 0.2
     held_out_left: float = 0.5
     held_out_failing: float = 0.01
+    held_out_rise: float = 4.0
     refitted: int = 4
     inseparable: float = 0.95
     hardly_separable: float = 0.8

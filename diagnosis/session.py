@@ -47,6 +47,9 @@ from pipeline.files import content_hash, file_hash, read_json, write_json
 from pipeline.manifest import code_version, machine, package_versions
 
 TIMING = "timing.json"
+#: Forward runs that a question takes, on opened slides in half less and in half more: the fit of
+#: the base model and its errors, each hypothesis, and the search where the base model fails.
+FOR_THE_FIT, FOR_EACH, FOR_THE_SEARCH = 40, 2.5, 250
 HASH_DIGITS = 16
 """Of the hashes of the case's files that a verdict names."""
 
@@ -89,6 +92,15 @@ class Session:
     def options(self) -> Options:
         """What the statistics know."""
         return self.case.options(self.model)
+
+    def usual_runs(self, question: str) -> int:
+        """About how many forward runs a comparison, an explanation or anything else takes."""
+        runs = FOR_THE_FIT
+        if question != "comparison":
+            runs += round(FOR_EACH * len(self.model.candidates))
+        if question not in ("comparison", "explanation"):
+            runs += FOR_THE_SEARCH
+        return min(runs, self.config.diagnosis.max_runs)
 
     @property
     def is_base(self) -> bool:

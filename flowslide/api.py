@@ -837,7 +837,7 @@ def open_session(
         what: the stage, for the progress.
         case: with a section, measurements and a question.
         out: None: the results are not kept.
-        options: see above; the total of the progress is the budget, which is rarely used up.
+        options: see above; the total of the progress is what such a question usually takes.
 
     Raises:
         InputError: bad input.
@@ -851,7 +851,6 @@ def open_session(
     run = Run.of(DiagnosisOptions, options)
     with run.folder(out) as folder:
         found = run.case(case)
-        run.watch.plan({what: found.config.diagnosis.max_runs})
         session = open_session(
             found,
             out=folder,
@@ -862,6 +861,7 @@ def open_session(
             say=run.watch.say,
             on_run=run.watch.run_done,
         )
+        run.watch.plan({what: session.usual_runs(what)})
         with working_in(session.folder), run.watch.stage(what):
             yield session
 
@@ -887,7 +887,7 @@ def diagnose(
         case: with a section, measurements and a question; or what `open_session` gives, which has
             everything else already.
         out: `verdict.json`, `sections.npz` and the hypotheses are written there.
-        options: see above; the total of the progress is the budget, which is rarely used up.
+        options: see above; the total of the progress is what such a question usually takes.
 
     Returns:
         what `verdict.json` holds.
@@ -926,7 +926,7 @@ def compare(
         case: with a section, measurements and a question; or what `open_session` gives, which has
             everything else already.
         out: `compare.json`, `sections.npz` and the hypothesis are written there.
-        options: see above; the total of the progress is the budget, which is rarely used up.
+        options: see above; the total of the progress is what such a question usually takes.
 
     Returns:
         what `compare.json` holds.
@@ -965,7 +965,7 @@ def explain(
         case: with a section, measurements and a question; or what `open_session` gives, which has
             everything else already.
         out: `explain.json` and `sections.npz` are written there.
-        options: see above; the total of the progress is the budget, which is rarely used up.
+        options: see above; the total of the progress is what such a question usually takes.
 
     Returns:
         what `explain.json` holds.

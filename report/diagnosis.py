@@ -98,6 +98,7 @@ def summary(document: Document, folder: str | Path) -> str:
     if data.measurements:
         parts += [tables.effects_table(data).text(), tables.answers_table(data).text()]
         parts += [tables.parameters_table(data).text(), words.bound_sentence(data)]
+        parts.append(words.worth_sentence(data))
         parts += [two_strengths(folder).text()]
     if verdict is None:
         parts += [table.text() for table in (tables.tests_table(data), tables.groups_table(data))]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
-MINUS = "\N{MINUS SIGN}"
+MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
 UNITS = {"deg": "°", "kg/m3": "kg/m³", "m2": "m²", "m/s2": "m/s²"}
 """Units as they are written, where that is not as they are stored."""
+LN_RATIO = "ln ratio"
+"""Unit of the natural logarithm of a ratio, which is written as the factor."""
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -51,16 +53,29 @@ def unit_of(name: str) -> str:
 
 
 def with_unit(value: float | str, unit: str, digits: int = 3) -> str:
-    """A number, or one that is text already, and its unit."""
+    """A number, or one that is text already, and its unit; of a logarithm the factor."""
+    if unit == LN_RATIO and not isinstance(value, str):
+        return f"{TIMES} {number(math.exp(value), digits)}"
     text = value if isinstance(value, str) else number(value, digits)
     written = unit_of(unit)
     return f"{text}{'' if written in ('', '°') else ' '}{written}"
 
 
 def plus_minus(value: float, std: float, unit: str = "") -> str:
-    """A value with its standard deviation, to two digits of the latter."""
+    """A value with its standard deviation, to two digits of the latter.
+
+    Of a logarithm the factor, and between which factors a standard deviation either way is.
+    """
+    if unit == LN_RATIO:
+        return f"{with_unit(value, unit)} ({from_to(value - std, value + std, unit)})"
     places = min(max(0, 1 - math.floor(math.log10(std))), 3) if std > 0 else 2
     return with_unit(f"{fixed(value, places)} ± {std:.{places}f}", unit)
+
+
+def from_to(low: float, high: float, unit: str = "") -> str:
+    """An interval; its unit stands next to the value, and of a logarithm it is one of factors."""
+    ends = (math.exp(low), math.exp(high)) if unit == LN_RATIO else (low, high)
+    return " to ".join(map(number, ends))
 
 
 def at_least(value: float, std: float, unit: str = "") -> str:

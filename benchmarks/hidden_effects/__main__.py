@@ -1,6 +1,6 @@
 """The benchmark of hidden effects: make it, run it, score it.
 
-python -m benchmarks.hidden_effects plan|make|run|score
+python -m benchmarks.hidden_effects plan|make|reopen|run|score
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ MADE_FROM, JUDGED_BY = "made_from.json", "judged_by.json"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make, run or score."""
+    """Make or reopen, run, score."""
     arguments = _parser().parse_args(argv)
     config = load_config(arguments.config, arguments.overrides)
     if arguments.step != "score":
         simulation = config.simulation.model_copy(update={"water": _water(arguments)})
         config = config.model_copy(update={"simulation": simulation})
-    steps = {"plan": _plan, "make": _make, "run": _run, "score": _score}
+    steps = {"plan": _plan, "make": _make, "reopen": _reopen, "run": _run, "score": _score}
     return steps[arguments.step](arguments, config)
 
 
@@ -50,9 +50,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "step",
-        choices=("plan", "make", "run", "score"),
+        choices=("plan", "make", "reopen", "run", "score"),
         help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
-        "run: diagnose them; score: open the seals, write score.md",
+        "reopen: write the cases of an opened set from its --record; run: diagnose them; score: "
+        "open the seals, write score.md",
     )
     parser.add_argument(
         "--benchmark",
@@ -70,6 +71,17 @@ def _parser() -> argparse.ArgumentParser:
         help="make, run: the K-th of N shares of the cases, for several jobs; default: 1/1",
     )
     parser.add_argument(
+        "--cases",
+        metavar="NAME,...",
+        help="reopen: these cases, or those with these verdicts in the record; default: all",
+    )
+    parser.add_argument(
+        "--runs",
+        metavar="DIR",
+        help="run: keep the simulations here, so that another version of the method finds those "
+        "that it has in common; default: in memory",
+    )
+    parser.add_argument(
         "--variants",
         metavar="NAME,...",
         help=f"run: all, or some of {', '.join(VARIANTS)}; default: {METHOD}",
@@ -78,7 +90,7 @@ def _parser() -> argparse.ArgumentParser:
         "--record",
         metavar="FILE",
         help="score: where truths and verdicts are kept; given without --out's verdicts, it is "
-        f"read instead; default: <out>/{RECORD}",
+        f"read instead; default: <out>/{RECORD}; reopen: the record",
     )
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     return add_common(parser)
@@ -225,6 +237,19 @@ def _make(arguments: argparse.Namespace, config: Config) -> int:
     return 0
 
 
+def _reopen(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
+    from benchmarks.hidden_effects.making.reopen import reopen
+    from benchmarks.hidden_effects.scoring.opened import load_rows
+
+    if arguments.record is None:
+        raise InputError("--record: missing; an opened set is written again from its record")
+    benchmark, places = load_benchmark(arguments.benchmark), Places(_out(arguments, config))
+    names = [name.strip() for name in (arguments.cases or "").split(",") if name.strip()]
+    print(f"{reopen(load_rows(arguments.record), benchmark, places, names)} cases in {places.out}")
+    return 0
+
+
 def _run(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.benchmark import Places
     from benchmarks.hidden_effects.making.make import sealed_cases
@@ -240,6 +265,7 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
             variants=variants_of(arguments.variants, METHOD, VARIANTS),
             part=part,
             threads=arguments.threads,
+            runs=arguments.runs,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
     return 0

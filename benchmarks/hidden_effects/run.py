@@ -64,6 +64,7 @@ def run(
     variants: Sequence[str] = (METHOD,),
     part: Part = Part(),  # noqa: B008 - frozen
     threads: int | None = None,
+    runs: str | Path | None = None,
     judge: Judge = diagnosed,
     on_case: OnCase = lambda done, total, words: None,
 ) -> None:
@@ -75,6 +76,7 @@ def run(
         variants: of `VARIANTS`.
         part: which cases.
         threads: CPU threads; None: all.
+        runs: folder of the simulations; None: those of a case are in memory while it is judged.
         judge: what diagnoses.
         on_case: called for each case.
 
@@ -85,7 +87,7 @@ def run(
     for number, sealed in enumerate(mine, start=1):
         name = sealed["name"]
         missing = [v for v in variants if not places.verdict(name, v).is_file()]
-        store = RunStore(None, threads=threads)
+        store = RunStore(runs, threads=threads)
         words = []
         for variant in missing:
             try:

@@ -24,7 +24,7 @@ from scipy import stats
 from inversion.estimation.data import Data, Places
 from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
-from pipeline.ties import largest
+from pipeline.ties import largest, smallest
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,17 @@ class Test:
     name: str
     statistic: float
     p: float
+
+
+def test_words(name: str) -> str:
+    """The name of a test in words."""
+    known = {
+        "chi2": "the size of all residuals",
+        "autocorrelation": "the correlation of neighbours along a series",
+        "score": "the best score of a candidate",
+        "held_out": "the held-out data",
+    }
+    return known.get(name) or f"the residuals of {name.removeprefix('group ')}"
 
 
 @dataclass(frozen=True)
@@ -83,6 +94,12 @@ class Adequacy:
     held_out: HeldOutMisfit
     chi2: float
     dof: int
+
+    @property
+    def p_words(self) -> str:
+        """Combined p, and the test that noise would pass least."""
+        worst = smallest(self.tests, lambda test: test.p, unit=0.0)
+        return f"p {self.p_combined:.2g}, by {test_words(worst.name)}"
 
 
 @dataclass(frozen=True)

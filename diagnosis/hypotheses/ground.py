@@ -4,7 +4,7 @@ A base is drawn through few borings, a foreland often level because no map shows
 obstacle that the slide has buried is on no plan. The base below the section moves between the feet
 only, where nobody sees it; the zones that stand on it reach down, or end, where it then lies. A
 base that is weaker than the soil on it is an effect of the library (`weak_base`, by a share), of
-the same family.
+the same family; where the base is stated as bonded it is tried on one that was not.
 """
 
 from __future__ import annotations
@@ -24,13 +24,16 @@ from diagnosis.hypotheses.assumption import (
     possible,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
+from diagnosis.hypotheses.physics import candidate_of
 from geometry.scenes.scene import Point, Scene, scene_from_mapping
 from geometry.sides import SIDES, Side
 from inversion.estimation.forward import SectionSetup
+from mpm_taichi.effects import effect
 
 BONDED, ROUGH, FRICTION, COEFFICIENT = (
     "bonded_base", "rough_base", "base_of_friction", "base_friction",
 )  # fmt: skip
+WEAK, UNBONDED = "weak_base", "weak_unbonded_base"
 LEVEL, TILT, FORELAND, BUMP = "base_level", "base_tilt", "foreland", "bump"
 
 #: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand.
@@ -50,7 +53,7 @@ FADE = 0.15
 FORELAND_LENGTH = 6.0
 #: Where the top of a bump lies beyond the foot, in heights; its heights that are tried, in heights
 #: of the section, and the highest [m]; run of its faces over their rise.
-BUMP_PLACES = {"near": 1.0, "far_from": 2.0}
+BUMP_PLACES = {"close_to": 0.5, "near": 1.0, "far_from": 2.0}
 BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
 #: Its distance is sought in such steps; from 0.3 to 3 heights there are so many.
 BUMP_STEP, BUMPS = 1.25, 11
@@ -96,13 +99,28 @@ def _contacts(scene: Scene) -> list[Assumption]:
         low=0.0,
         high=1.0,
         ladder=SHARES,
-        screened=True,
     )
-    other = _contact(bonded, "no_slip") if contact == "rough" else _contact(rough, "rough")
-    return [
-        other,
-        Assumption(friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a))),
-    ]
+    slipping = Assumption(friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a)))
+    if contact == "rough":
+        return [_contact(bonded, "no_slip"), slipping]
+    return [_contact(rough, "rough"), _unbonded(), slipping]
+
+
+def _unbonded() -> Assumption:
+    """A base that is stated as bonded was not, and is weaker than the soil on it.
+
+    Bonded ground has no strength that `weak_base` could lower.
+    """
+    weak = candidate_of(effect(WEAK), {})
+    words = f"the base was not bonded, and {weak.words}"
+    candidate = replace(weak, name=UNBONDED, words=words)
+
+    def change(setup: SectionSetup, share: float) -> SectionSetup:
+        rough = _touching(setup, "rough")
+        effects = {**rough.scene.effects, WEAK: share}
+        return rough.with_scene(rough.scene.changed(effects=effects))
+
+    return Assumption(candidate, change)
 
 
 def _contact(candidate: Candidate, contact: str) -> Assumption:
@@ -229,14 +247,16 @@ def _bump(scene: Scene, side: Side, distance: float, name: str) -> Assumption:
         return setup.with_scene(with_base(setup.scene, knots, BUMP))
 
     scale = min(height, HIGHEST_BUMP_M / BUMP_HEIGHTS[-1])
+    high = distance / BUMP_FACE
+    rises = (share * scale for share in BUMP_HEIGHTS)
     candidate = Candidate(
         name=name,
         family="ground",
         words=f"a ridge or a buttress stood {distance:.3g} m before the {side} foot",
         unit="m",
         low=0.0,
-        high=distance / BUMP_FACE,
-        ladder=tuple(share * scale for share in BUMP_HEIGHTS),
+        high=high,
+        ladder=tuple(rise for rise in rises if rise <= high),
         screened=True,
         placed=BUMPS,
     )

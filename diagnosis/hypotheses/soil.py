@@ -33,7 +33,7 @@ WORDS = {
     "cohesion_kpa": ("strength", "kPa"),
     "friction_deg": ("friction", "deg"),
     "density": ("density", "kg/m3"),
-    "youngs_modulus_mpa": ("stiffness", ""),
+    "youngs_modulus_mpa": ("stiffness", "ln ratio"),
 }
 """Property -> what it is called, and the unit of the amplitude: stiffness as a logarithm."""
 
@@ -90,11 +90,10 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
     rungs = [sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS]
     ladder = tuple(sorted({max(rung, lowest) for rung in rungs} - {0.0}))
     where = f"zone{'s' if len(zones) > 1 else ''} {', '.join(zones)}"
-    factor = " (logarithm of the factor)" if key == "youngs_modulus_mpa" else ""
     candidate = Candidate(
         name=name,
         family="soil",
-        words=f"the {word} of {where} is another{factor}",
+        words=f"the {word} of {where} is another",
         unit=unit,
         low=min(ladder[0], 0.0),
         high=max(ladder[-1], 0.0),

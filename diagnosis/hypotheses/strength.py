@@ -27,6 +27,11 @@ from pipeline.cli import InputError
 
 CONTRAST, PART = "strength_contrast", "part"
 
+#: One standard deviation of ln (strength of a part over that of the rest): a factor of 2. Undrained
+#: strengths of one soil scatter from place to place by a tenth to a half of their mean (Phoon and
+#: Kulhawy 1999, Can. Geotech. J. 36(4), recalled), those of silt and sand in one hydraulic fill
+#: differ by a factor of two and more (Seed, Lee and Idriss 1975, recalled).
+CONTRAST_STD = float(np.log(2.0))
 #: What the thirds of a zone are called.
 ALONG, UPWARDS = ("left", "middle", "right"), ("lower", "middle", "upper")
 #: Places in each direction at which the extent of the zone is sampled.
@@ -176,6 +181,8 @@ def _part(name: str, words: str, x: Span | None, y: Span | None, digits: int = 2
         low=amplitude.low,
         high=amplitude.high,
         ladder=tuple(sorted([*amplitude.ladder, *(-rung for rung in amplitude.ladder)])),
+        prior_mean=0.0,
+        prior_std=CONTRAST_STD,
         screened=True,
         placed=PLACES,
     )

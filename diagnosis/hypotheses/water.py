@@ -1,14 +1,15 @@
 """The water on trial: was there any, how high, and how does it act on the soil?
 
 A section without water may have stood in some: a pool all around it, or one on either side with a
-water table that falls to the other foot. A section with water may have had none, its pool may have
-fallen while the soil was still full, and its pressure may act otherwise than the settings say. The
-level of a pool that is known is an effect of the library (`pool_level`).
+water table that falls to the other foot, which acts as the settings say or in the other form. A
+section with water may have had none, its pool may have fallen while the soil was still full, and
+its pressure may act otherwise than the settings say. The level of a pool that is known is an effect
+of the library (`pool_level`).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from shapely import LineString, Polygon
 from shapely.ops import unary_union
@@ -29,6 +30,13 @@ from pipeline.cli import InputError
 NO_WATER, WEIGHT, PRESSURE = "no_water", "water_as_weight", "water_as_pressure"
 POOL, DRAWDOWN, FACE = "pool", "drawdown", "other_water_face"
 
+WaterForm = Literal["buoyant", "pore_pressure"]
+FORM_NAMES: dict[WaterForm, str] = {"buoyant": "as_weight", "pore_pressure": "as_pressure"}
+FORM_WORDS: dict[WaterForm, str] = {
+    "buoyant": "the water takes off weight alone, and no pool pushes",
+    "pore_pressure": "the water acts by its pressure, and the pool pushes what holds it back",
+}
+
 #: Depths that are tried, as shares of the height of the section or of the depth of its pool.
 DEPTHS, DEEPEST = (0.2, 0.4, 0.7), 0.95
 
@@ -40,12 +48,21 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
         return [], {POOL: "the level of the pool is calibrated"}
     if not scene.has_water:
         none = {name: "the section has no water" for name in (NO_WATER, WEIGHT, DRAWDOWN, FACE)}
-        return [_pool(scene, side) for side in (None, "left", "right")], none
+        other: WaterForm = "buoyant" if setup.settings.water == "pore_pressure" else "pore_pressure"
+        pools = [_pool(scene, side) for side in (None, *SIDES)]
+        # Where the water is level, pressure and reduced weight are one.
+        return pools + [_pool(scene, side, other) for side in SIDES], none
     return _forms(setup)
 
 
-def _pool(scene: Scene, side: Side | None) -> Assumption:
-    """A pool where the section has none, as deep as the amplitude says."""
+def _pool(scene: Scene, side: Side | None, form: WaterForm | None = None) -> Assumption:
+    """A pool where the section has none, as deep as the amplitude says.
+
+    Args:
+        scene: without water.
+        side: where it stood; None: all around.
+        form: how its water acts on the soil; None: as the settings say.
+    """
     low, high = scene.extent
     height = high - low
     words = {
@@ -53,8 +70,11 @@ def _pool(scene: Scene, side: Side | None) -> Assumption:
         "left": "a pool stood on the left, and the water table fell to the right foot",
         "right": "a pool stood on the right, and the water table fell to the left foot",
     }[side]
+    name = POOL if side is None else f"{POOL}_on_the_{side}"
+    if form is not None:
+        name, words = f"{name}_{FORM_NAMES[form]}", f"{words}; {FORM_WORDS[form]}"
     candidate = Candidate(
-        name=POOL if side is None else f"{POOL}_on_the_{side}",
+        name=name,
         family="water",
         words=words,
         unit="m",
@@ -68,7 +88,8 @@ def _pool(scene: Scene, side: Side | None) -> Assumption:
         level = own.extent[0] + depth
         line = None if side is None else _falling(own, level, side)
         changes = {"water_level": level, "phreatic_line": line}
-        return setup.with_scene(_changed(own, changes, candidate.name))
+        setup = setup.with_scene(_changed(own, changes, candidate.name))
+        return setup if form is None else with_setting(setup, water=form)
 
     return Assumption(candidate, change)
 
@@ -112,11 +133,9 @@ def _forms(setup: SectionSetup) -> Found:
         level = "the water is level: pressure and reduced weight are one"
         left_out |= {WEIGHT: level, PRESSURE: level}
     elif pushes:
-        words = "the water takes off weight alone, and no pool pushes"
-        found.append(_setting(WEIGHT, words, water="buoyant"))
+        found.append(_setting(WEIGHT, FORM_WORDS["buoyant"], water="buoyant"))
     else:
-        words = "the water acts by its pressure, and the pool pushes what holds it back"
-        found.append(_setting(PRESSURE, words, water="pore_pressure"))
+        found.append(_setting(PRESSURE, FORM_WORDS["pore_pressure"], water="pore_pressure"))
     if pushes and scene.head_falls:
         moves = settings.water_face == "moving"
         words = "the water table stays where it was, whatever moves"

@@ -7,12 +7,13 @@
   the runs that were allowed did not suffice to try its rivals.
 - *unknown_effect*: the base model fails its tests and nothing passes, or what passes is not enough:
   a test still fails, the error of its own effects granted, or held-out data stay as bad as they
-  were (`not_enough`); or several effects pass together where others would do: together they imitate
-  nearly everything, also what is on no list; or a random pattern passes that is one of many
-  (`Candidate.by_chance`). It fits by chance, and is a clue, not a name.
+  were or get worse (`not_enough`); or several effects pass together where others would do:
+  together they imitate nearly everything, also what is on no list; or a random pattern passes that
+  is one of many (`Candidate.by_chance`). It fits by chance, and is a clue, not a name.
 - *suspect*: p between 0.05 and 0.20, and nothing passes.
 
-Probabilities are those of ln Z among all models that were tried. A model that adds to another an
+Probabilities are those of ln Z among all models that were tried, without what is below noise
+(`tried_models.compared`). A model that adds to another an
 effect which was not accepted is counted with the smaller one: what it has beyond it was not needed.
 """
 
@@ -31,8 +32,12 @@ from diagnosis.selection.tried_models import (
     AdoptedModel,
     TriedModels,
     at_new_bound,
+    compared,
     why_not,
 )
+
+#: Tests of how large the misfit is; the others are of its pattern, or of one measurement.
+SIZES = ("chi2", "held_out")
 
 Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
@@ -124,7 +129,12 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
 
 
 def not_enough(
-    base: Adequacy, final: Adequacy, doubted: float | None, options: Options, *, effects: int = 1
+    base: Adequacy,
+    final: Adequacy,
+    doubted: Adequacy | None,
+    options: Options,
+    *,
+    effects: int = 1,
 ) -> str:
     """Why an accepted model does not explain the measurements; empty: it does.
 
@@ -133,25 +143,32 @@ def not_enough(
     Args:
         base: the base model.
         final: the accepted model.
-        doubted: its combined p with the error that its effects bring (the larger an effect, the
-            more is left by what no model has exactly); None: that error is not known.
+        doubted: the same with the error that its effects bring (the larger an effect, the more is
+            left by what no model has exactly); None: that error is not known.
         options: settings of the diagnosis.
         effects: of the accepted model.
     """
-    p = max(final.p_combined, doubted or 0.0)
+    granted = final if doubted is None or doubted.p_combined < final.p_combined else doubted
+    p = granted.p_combined
     left = excess(final) / max(excess(base), 1e-9)
     # No law is exact, and of a large misfit a little shows: what is left of it counts, not that it
-    # shows. Of several effects together, which fit nearly everything, more is asked.
+    # shows. So much for its size: a pattern, or one measurement that is off, is no small rest of
+    # it. Of several effects together, which fit nearly everything, more is asked.
+    other = [test.p for test in granted.tests if test.name not in SIZES]
+    of_size = min(1.0, len(granted.tests) * min(other, default=1.0)) >= options.still_failing
     nearly = effects == 1 and left <= options.nearly_all and p >= options.nearly_failing
     # They also have a large error together, which would forgive nearly everything.
     if effects > 1 and final.p_combined < options.several_failing:
-        return f"its tests still fail (p {final.p_combined:.2g})"
-    if p < options.still_failing and not nearly:
-        return f"its tests still fail (p {p:.2g})"
+        return f"its tests still fail ({final.p_words})"
+    if p < options.still_failing and not (nearly and of_size):
+        return f"its tests still fail ({granted.p_words})"
     # A large false effect would forgive itself, since its error grows with it.
     if final.p_combined < options.still_failing and left > options.left_over:
         return f"{100 * left:.0f} % of the misfit beyond noise is left"
     before, after = base.held_out, final.held_out
+    rise = after.chi2 - before.chi2
+    if after.p is not None and after.p < options.still_failing and rise > options.held_out_rise:
+        return f"the held-out misfit rises from {before.chi2:.1f} to {after.chi2:.1f}"
     if after.p is not None and after.p < options.held_out_failing:
         left = (after.chi2 - after.n) / max(before.chi2 - before.n, 1e-9)
         if left > options.held_out_left:
@@ -208,11 +225,16 @@ def family_of(
 
 
 def explanations(tried_models: TriedModels, options: Options) -> dict[tuple[str, ...], float]:
-    """Ln Z of the models that count as explanations of their own."""
-    kept = {}
+    """Ln Z of the models that count as explanations of their own.
+
+    One whose amplitude rests on a bound is not named, and is a rival all the same: its evidence has
+    the bound in it (`evidence.share_within`).
+    """
+    kept = []
     weighed = {names: tried_models.weighed(model) for names, model in tried_models.models.items()}
     for names, model in tried_models.models.items():
-        if model.unread or at_new_bound(tried_models.models[()], model):
+        parameters = set(model.fit.space.parameters.names)
+        if model.unread or at_new_bound(tried_models.models[()], model) in parameters:
             continue
         smaller = [
             key
@@ -224,5 +246,5 @@ def explanations(tried_models: TriedModels, options: Options) -> dict[tuple[str,
             and not why_not(weighed[less], weighed[names], options)
             for less in smaller
         ):
-            kept[names] = model.ln_evidence
-    return kept
+            kept.append(model)
+    return compared(kept)

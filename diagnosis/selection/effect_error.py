@@ -131,4 +131,10 @@ def weighed_again(context: RefitContext, model: FittedModel) -> FittedModel:
     fit = model.fit
     total = total_of(context.data, fit.space, fit.prediction, fit.x)
     found = weighed(context, replace(fit, total=total), model.surface, model.surrogate)
-    return replace(found, judged=model.judged, sloped=model.sloped, unread=model.unread)
+    return replace(
+        found,
+        judged=model.judged,
+        sloped=model.sloped,
+        unread=model.unread,
+        explains=model.explains,
+    )

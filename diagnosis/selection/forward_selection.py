@@ -15,11 +15,12 @@ import numpy as np
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
 from diagnosis.selection.decide import explains
+from diagnosis.selection.evidence import credible_set, probabilities
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.places import seek_places
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
-from diagnosis.selection.tried_models import AdoptedModel, TriedModels, why_not
+from diagnosis.selection.tried_models import AdoptedModel, TriedModels, compared, why_not
 from diagnosis.selection.unknown_curve import runs_wanted
 from pipeline.ties import ranked
 
@@ -60,13 +61,11 @@ def run_rounds(selection: Selection) -> None:
         if number == 0:
             tried = selection.with_own_errors(now.model, seek_places(selection, tried))
         best = selection.accepted(now.model, tried)
-        if best is not None and number == 0:
-            doubles = untried_doubles(tried_models, selection.explanation, best, options)
-            tried += selection.refitted(doubles)
-            tried = selection.with_own_errors(now.model, selection.judged_best(now.model, tried))
         # A first effect has to pass by the slope that its search has learnt: its own comes on top,
         # so that what is faint stays unnamed. A further one is compared with a model that has one.
-        if best is not None or now.model.names:
+        if best is not None and number == 0:
+            best, tried = before_its_doubles(selection, now.model, best, tried)
+        elif now.model.names:
             tried = selection.on_equal_terms(now.model, tried)
             best = selection.accepted(now.model, tried)
         if number == 0:
@@ -82,6 +81,41 @@ def run_rounds(selection: Selection) -> None:
     if selection.now.model.names:
         selection.doubt()
     runs.reserve = 0
+
+
+def before_its_doubles(
+    selection: Selection, before: FittedModel, best: FittedModel, tried: list[FittedModel]
+) -> tuple[FittedModel | None, list[FittedModel]]:
+    """The effect that is adopted once all that looks like it was refitted, and what was refitted.
+
+    A double may take the lead, and it has doubles of its own: they are asked until the leader has
+    none left, or shares the lead with others so that no name is given anyway.
+
+    Args:
+        selection: under way.
+        before: the model without it.
+        best: the effect that leads so far.
+        tried: all that was refitted with it.
+    """
+    while True:
+        doubles = untried_doubles(selection.tried, selection.explanation, best, selection.options)
+        if doubles:
+            tried = tried + selection.refitted(doubles)
+            tried = selection.with_own_errors(before, selection.judged_best(before, tried))
+        tried = selection.on_equal_terms(before, tried)
+        leader = selection.accepted(before, tried)
+        settled = not doubles and leader is not None and leader.names == best.names
+        if leader is None or settled or not would_be_named(selection, tried):
+            return leader, tried
+        best = leader
+
+
+def would_be_named(selection: Selection, tried: Sequence[FittedModel]) -> bool:
+    """One of the models has the probability of an answer, or several of one family have it."""
+    evidence = compared([model for model in tried if not model.unread])
+    known = selection.explanation.known
+    leading = credible_set(probabilities(evidence), selection.options.credible)
+    return len({tuple(known[name].family for name in names) for names in leading}) == 1
 
 
 def kept_for_a_curve(selection: Selection) -> int:
@@ -127,11 +161,16 @@ def untried_doubles(
 ) -> list[tuple[str, ...]]:
     """Effects that are hard to tell from the one that is about to be named, and were not refitted.
 
-    A score is linear: of two effects that look alike the wrong one may promise more.
+    A score is linear: of two effects that look alike the wrong one may promise more. Several
+    effects together have no doubles.
     """
+    if len(best.names) != 1:
+        return []
     (name,) = best.names
     alike = explanation.alike(name, options.hardly_separable)
-    tried = [key[0] for key in tried_models.models if len(key) == 1]
+    # A member of a family that was refitted and looks otherwise says nothing of those that do not.
+    asked = [*tried_models.models, *tried_models.untried]
+    tried = [key[0] for key in asked if len(key) == 1 and {*key} & {name, *alike}]
     return [(other,) for other in representatives(explanation, alike, tried)]
 
 

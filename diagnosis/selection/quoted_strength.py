@@ -1,7 +1,9 @@
 """Which value of a parameter is quoted, and with which standard deviation.
 
-- Where the measurements are explained: the mixture of the explanations of the 90 % set, by their
-  probability. Of a single one that is its own fit.
+- Where the measurements are explained: the mixture of the explanations of the 90 % set, all of one
+  weight. Of a single one that is its own fit. Probabilities do not weigh: which of them is true
+  decides the strength, and with equal weights two standard deviations reach the value by each of up
+  to five.
   Where a little of a large misfit is left (`decide.not_enough`), its standard deviation is widened
   as below.
 - Where they are not (suspect, unknown effect): nobody knows which model is wrong
@@ -18,7 +20,7 @@ With weights w, means x and standard deviations s in fitted units (logarithms of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +82,11 @@ def quoted(
     return Quoted(middle, np.sqrt(w @ (np.array(variances) + (x - middle) ** 2)), share)
 
 
+def equal_weights(explanations: Iterable[tuple[str, ...]]) -> dict[tuple[str, ...], float]:
+    """Weights of explanations of which each may be the true one."""
+    return dict.fromkeys(explanations, 1.0)
+
+
 def unexplained(
     models: Mapping[tuple[str, ...], FittedModel], least_drop: float
 ) -> dict[tuple[str, ...], float]:
@@ -90,4 +97,4 @@ def unexplained(
         for names, model in models.items()
         if base.total - model.fit.total >= least_drop and not model.unread
     ]
-    return dict.fromkeys([(), *better], 1.0)
+    return equal_weights([(), *better])

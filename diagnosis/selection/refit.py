@@ -114,11 +114,13 @@ class FittedModel:
         fit: the fit.
         ln_evidence: of the fitted data, with prior odds, and of the held-out data as predicted.
         held_out: misfit of the held-out numbers.
+        dof: degrees of freedom: the noise level of the fit's sum of squares.
         surface: around the fit, for what comes after.
         surrogate: that its search has taught; None where there was none.
         judged: by jitters that it was not fitted with.
         sloped: its derivative is its own, by central differences.
         unread: no run at its fit could be read, so that it explains nothing.
+        explains: it has effects, and passes the tests of adequacy.
         own: measurements with the model's own error as it was found at its fit, `share` included,
             in place of that of the base model; None: it was not.
     """
@@ -128,15 +130,24 @@ class FittedModel:
     held_out: HeldOutMisfit
     surface: Surface
     surrogate: Surrogate | None = None
+    dof: int = 0
     judged: bool = False
     sloped: bool = False
     unread: bool = False
+    explains: bool = False
     own: Data | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Its effects, sorted."""
         return self.fit.names
+
+    @property
+    def ln_credit(self) -> float:
+        """Its evidence without what it owes to misfits smaller than those of noise."""
+        below = max(self.dof - self.fit.total, 0.0)
+        below += max(self.held_out.n - self.held_out.chi2, 0.0)
+        return self.ln_evidence - 0.5 * below
 
 
 def first_guesses(surface: Surface, space: Unknowns) -> list[np.ndarray]:
@@ -352,7 +363,8 @@ def weighed(
     linear = system(data, fit.space, fit.derivative, fit.x)
     held_out = held_out_misfit(fit, linear)
     evidence = ln_evidence(data, fit, context.count) + held_out.ln_density
-    return FittedModel(fit, evidence + data.ln_density_at_best, held_out, surface, surrogate)
+    evidence += data.ln_density_at_best
+    return FittedModel(fit, evidence, held_out, surface, surrogate, linear.dof)
 
 
 def with_own_derivative(context: RefitContext, chosen: FittedModel) -> FittedModel:

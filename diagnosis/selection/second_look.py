@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 from diagnosis.adequacy.adequacy import judged
 from diagnosis.selection.decide import explains
-from diagnosis.selection.forward_selection import kept_for_a_curve
+from diagnosis.selection.forward_selection import before_its_doubles, kept_for_a_curve
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
 from diagnosis.selection.tried_models import why_not
@@ -71,11 +71,13 @@ def look_again(selection: Selection) -> None:
     found = [tried.models[model.names] for model in found]
     found = selection.with_own_errors(base, selection.judged_best(base, found))
     found = selection.on_equal_terms(base, found)
+    best = selection.accepted(base, found)
+    if best is not None:
+        best, found = before_its_doubles(selection, base, best, found)
     for after in found:
         if len(after.names) == 1:
             tried.first[after.names[0]] = (after, why_not(base, after, options))
     selection.runs.reserve = ERROR_RUNS
-    best = selection.accepted(base, found)
     if best is not None and best.ln_evidence > before.ln_evidence:
         selection.adopt(best)
         selection.drop_needless()

@@ -128,7 +128,7 @@ class Selection:
             if found is None:
                 self.tried.untried.append(key)
                 return None
-            self.tried.models[key] = found
+            self._keep(found)
         return self.tried.models[key]
 
     def judged_best(self, before: FittedModel, models: list[FittedModel]) -> list[FittedModel]:
@@ -145,9 +145,8 @@ class Selection:
 
     def judged(self, names: tuple[str, ...]) -> FittedModel:
         """A model that was tried, judged by fresh jitters; as it is where no runs are left."""
-        found = replace(judge(self.explanation.context, self.tried.models[names]), judged=True)
-        self.tried.models[names] = found
-        return found
+        found = judge(self.explanation.context, self.tried.models[names])
+        return self._keep(replace(found, judged=True))
 
     def with_own_errors(self, before: FittedModel, models: list[FittedModel]) -> list[FittedModel]:
         """Measure the errors of the models that fit best, each at its own fit.
@@ -159,8 +158,21 @@ class Selection:
         better = [m for m in models if before.fit.total - m.fit.total > least and not m.unread]
         for model in ranked(better, lambda model: -model.fit.total)[:MEASURED]:
             found = model if model.judged else self.judged(model.names)
-            self.tried.models[found.names] = self._measured(found)
+            self._keep(self._measured(found))
         return [self.tried.models[model.names] for model in models]
+
+    def _keep(self, model: FittedModel) -> FittedModel:
+        """Keep a model, with whether it explains."""
+        kept = self.tried.models[model.names] = replace(model, explains=self._explains(model))
+        return kept
+
+    def _explains(self, model: FittedModel) -> bool:
+        """A model with effects passes the tests of adequacy at its own fit."""
+        if not model.names or model.unread:
+            return False
+        data = self.explanation.context.of(model).data
+        found = judged(data, model.fit, draws=self.options.draws, seed=self.options.seed)
+        return assess(found, self.comparison.places).p_combined >= self.options.still_failing
 
     def _measured(self, model: FittedModel) -> FittedModel:
         """A judged model with its own error."""
@@ -178,19 +190,24 @@ class Selection:
 
     def give_own_derivative(self, names: tuple[str, ...]) -> FittedModel:
         """Give a model that was tried a derivative of its own."""
-        found = with_own_derivative(self.explanation.context, self.tried.models[names])
-        self.tried.models[names] = found
-        return found
+        return self._keep(with_own_derivative(self.explanation.context, self.tried.models[names]))
 
     def near_the_best(
         self, before: FittedModel, models: Sequence[FittedModel]
     ) -> list[tuple[str, ...]]:
-        """Models near the best of some and not far below what is asked for, best first."""
-        evidence = {m.names: self.tried.weighed(m).ln_evidence for m in models if not m.unread}
+        """Models near the best of some and not far below what is asked for, best first.
+
+        By all of their evidence, of which acceptance asks, or without what they owe to misfits
+        below noise, by which they are compared.
+        """
+        weighed = [self.tried.weighed(model) for model in models if not model.unread]
         bar = self.tried.weighed(before).ln_evidence + self.options.least_gain
-        least = max([*evidence.values(), bar]) - NEAR_BEST
-        near = [names for names in evidence if evidence[names] >= least]
-        return ranked(near, evidence.__getitem__)
+        credit = {model.names: model.ln_credit for model in weighed}
+        near: set[tuple[str, ...]] = set()
+        for evidence in (credit, {model.names: model.ln_evidence for model in weighed}):
+            least = max([*evidence.values(), bar]) - NEAR_BEST
+            near |= {names for names in evidence if evidence[names] >= least}
+        return ranked(sorted(near), credit.__getitem__)
 
     def accepted(self, before: FittedModel, models: Sequence[FittedModel]) -> FittedModel | None:
         """The model that is adopted in place of one before; None: none passes."""
@@ -199,8 +216,7 @@ class Selection:
     def adopt(self, chosen: FittedModel) -> None:
         """Make a model the current one: its own derivative, tests, and scores against it."""
         options, comparison = self.options, self.comparison
-        model = with_own_derivative(self.explanation.context, chosen)
-        self.tried.models[model.names] = model
+        model = self._keep(with_own_derivative(self.explanation.context, chosen))
         data = self.explanation.context.of(model).data
         found = judged(data, model.fit, draws=options.draws, seed=options.seed)
         others = [c for c in self.explanation.candidates if c.name not in model.names]
@@ -278,10 +294,10 @@ class Selection:
             return
         known = self.tried.models.get(key)
         if known is None or found.ln_evidence > known.ln_evidence:
-            self.tried.models[key] = found
+            self._keep(found)
 
     def doubt(self) -> bool:
-        """Find C' of the current model and its combined p; False: the runs are not allowed."""
+        """Find C' of the current model and its tests by it; False: the runs are not allowed."""
         now, tried, options = self.now, self.tried, self.options
         with self.spending(ERROR_RUNS):
             context = doubting(self.explanation.context, self.comparison.base, now.model, options)
@@ -292,7 +308,7 @@ class Selection:
         fit = tried.weighed(now.model).fit
         data = context.data_for(fit)
         found = judged(data, fit, draws=options.draws, seed=options.seed)
-        tried.doubted = assess(found, self.comparison.places).p_combined
+        tried.doubted = assess(found, self.comparison.places)
         tried.error = data.covariance - self.explanation.context.data.covariance
         return True
 

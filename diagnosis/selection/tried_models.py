@@ -44,8 +44,8 @@ class TriedModels:
         first: refits of the first round, by candidate, with the condition each failed.
         untried: requested models that were not fitted: no runs were left, or all failed.
         context: at which models are compared; once effects were adopted, with the error they bring.
-        doubted: combined p of the current model with the error that its effects bring, C'; None:
-            it has no effects, or the runs for it were not allowed.
+        doubted: tests of the current model with the error that its effects bring, C'; None: it has
+            no effects, or the runs for it were not allowed.
         error: what these effects add to C, C' - C (m, m); None as above.
     """
 
@@ -54,7 +54,7 @@ class TriedModels:
     first: dict[str, tuple[FittedModel, str]] = field(default_factory=dict)
     untried: list[tuple[str, ...]] = field(default_factory=list)
     context: RefitContext | None = None
-    doubted: float | None = None
+    doubted: Adequacy | None = None
     error: np.ndarray | None = None
 
     @property
@@ -97,14 +97,27 @@ def why_not(
 
 
 def at_new_bound(before: FittedModel, after: FittedModel) -> str:
-    """A parameter that an effect drives to a bound of what is believed; empty: none."""
-    bounds = [
-        model.fit.space.parameters.at_bound(model.fit.space.values(model.fit.x))
-        for model in (before, after)
-    ]
-    names = after.fit.space.parameters.names
-    new = [n for n, old, end in zip(names, *bounds, strict=True) if end is not None and not old]
-    return new[0] if new else ""
+    """A parameter or an amplitude that ends on a bound of what is believed; empty: none does."""
+    resting = set(before.fit.space.at_bound(before.fit.x))
+    return next((n for n in after.fit.space.at_bound(after.fit.x) if n not in resting), "")
+
+
+def compared(models: Sequence[FittedModel]) -> dict[tuple[str, ...], float]:
+    """Ln evidence by which models are compared with each other, by their effects.
+
+    Those that explain have together what their evidence says, and each has its share by what it
+    explains down to the noise. Where C is generous, or holds an error that is the same all along a
+    series, a flexible effect fits that error as well: a misfit below noise is no evidence for it
+    and against a model that leaves what noise leaves.
+    """
+    found = {model.names: model.ln_evidence for model in models}
+    equal = [model for model in models if model.explains]
+    if len(equal) < 2:
+        return found
+    credit = np.array([model.ln_credit for model in equal])
+    whole = np.logaddexp.reduce([model.ln_evidence for model in equal])
+    shares = credit - np.logaddexp.reduce(credit) + whole
+    return found | {model.names: float(s) for model, s in zip(equal, shares, strict=True)}
 
 
 def accepted(
@@ -116,7 +129,9 @@ def accepted(
     although together they leave no doubt that something is missing. Then the question "is there
     anything?" is put to their sum, and "what is it?" has several answers.
     """
-    order = ranked((m for m in tried if not m.unread), lambda after: after.ln_evidence)
+    read = [model for model in tried if not model.unread]
+    evidence = compared(read)
+    order = ranked(read, lambda after: evidence[after.names])
     for after in order:
         if not why_not(now, after, options):
             return after

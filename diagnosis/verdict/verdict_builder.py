@@ -19,7 +19,12 @@ from diagnosis.hypotheses.model import FAMILY_WORDS, Candidate, Model
 from diagnosis.options import Options
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.next_measurement import Suggestion
-from diagnosis.selection.quoted_strength import EXPLAINED, quoted, unexplained
+from diagnosis.selection.quoted_strength import (
+    EXPLAINED,
+    equal_weights,
+    quoted,
+    unexplained,
+)
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.tried_models import AdoptedModel
 from diagnosis.selection.unknown_curve import FoundCurve
@@ -103,8 +108,8 @@ def comparison_sentence(comparison: Comparison, options: Options) -> str:
     adequacy, window = comparison.adequacy, comparison.window
     judged = alarm(adequacy.p_combined, options)
     numbers = f"chi2 {adequacy.chi2:.1f} on {adequacy.dof} degrees of freedom"
-    p = f"combined p {adequacy.p_combined:.2g}"
     if judged == "adequate":
+        p = f"combined p {adequacy.p_combined:.2g}"
         return f"The base model explains the measurements within their errors ({numbers}, {p})."
     worst = largest(adequacy.groups, lambda group: group.z) if adequacy.groups else None
     where = "" if worst is None else f"; farthest off is {worst.name}"
@@ -114,7 +119,8 @@ def comparison_sentence(comparison: Comparison, options: Options) -> str:
             f"; it fails most along {window.measurement}, {window.begin:g} to {window.end:g} {unit}"
         )
     verb = "may not explain" if judged == "suspect" else "does not explain"
-    return f"The base model {verb} the measurements ({numbers}, {p}){where}."
+    said = f"{numbers}, combined {adequacy.p_words}"
+    return f"The base model {verb} the measurements ({said}){where}."
 
 
 def explanation_sentence(explanation: Explanation, options: Options) -> str:
@@ -424,7 +430,7 @@ def next_part(suggested: Sequence[Suggestion]) -> list[verdict.NextMeasurement]:
 def sentence(found: Diagnosis) -> str:
     """The verdict in one sentence."""
     decision, final = found.decision, found.decision.final
-    p = found.tried_models.way[0].adequacy.p_combined
+    base = found.tried_models.way[0].adequacy
     among = f"among the {len(found.explanation.names)} effects tested"
     match decision.verdict:
         case "adequate" if found.model.targets.limits_alone:
@@ -434,19 +440,19 @@ def sentence(found: Diagnosis) -> str:
             )
         case "adequate":
             return (
-                f"The base model explains the measurements within their errors (p {p:.2g}); "
-                f"nothing is missing {among}."
+                "The base model explains the measurements within their errors "
+                f"(p {base.p_combined:.2g}); nothing is missing {among}."
             )
         case "suspect":
             return (
-                f"The base model is suspect (p {p:.2g}), but no effect {among} improves it enough "
-                "to be named."
+                f"The base model is suspect ({base.p_words}), but no effect {among} improves it "
+                "enough to be named."
             )
         case "unknown_effect" if decision.by_chance:
             return (
-                f"The base model does not explain the measurements (p {p:.2g}). Best {among} fits "
-                f"{_joined(decision.by_chance)}, one random pattern of many, which names nothing: "
-                "what is missing varies from place to place."
+                f"The base model does not explain the measurements ({base.p_words}). Best {among} "
+                f"fits {_joined(decision.by_chance)}, one random pattern of many, which names "
+                "nothing: what is missing varies from place to place."
             )
         case "unknown_effect" if final.model.names:
             does = "improve" if len(final.model.names) > 1 else "improves"
@@ -459,7 +465,7 @@ def sentence(found: Diagnosis) -> str:
             )
         case "unknown_effect":
             return (
-                f"The base model does not explain the measurements (p {p:.2g}), and no effect "
+                f"The base model does not explain the measurements ({base.p_words}), and no effect "
                 f"{among} does."
             )
         case "identified" if decision.families:
@@ -539,7 +545,9 @@ def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
     decision = found.decision
     models = found.tried_models.models
     explained = decision.verdict in EXPLAINED
-    weights = decision.sets if explained else unexplained(models, found.options.least_drop)
+    weights = (
+        equal_weights(decision.sets) if explained else unexplained(models, found.options.least_drop)
+    )
     mixed = quoted(
         found.explanation.context,
         models,

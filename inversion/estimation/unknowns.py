@@ -312,6 +312,20 @@ class Unknowns:
         """The forward run at x."""
         return state(self.values(x).tolist(), self.amplitudes(x), seed=seed)
 
+    def at_bound(self, x: np.ndarray, share: float = 1e-3) -> list[str]:
+        """Parameters and amplitudes that rest on a bound: within `share` of the width from it.
+
+        A switch has no bounds to rest on.
+        """
+        ends = self.parameters.at_bound(self.values(x), share)
+        found = [name for name, end in zip(self.parameters.names, ends, strict=True) if end]
+        for effect, at, low, high in zip(
+            self.effects, x[self.p :], self.low[self.p :], self.high[self.p :], strict=True
+        ):
+            if not effect.held and min(at - low, high - at) <= share * (high - low):
+                found.append(effect.name)
+        return found
+
     def clipped(self, x: np.ndarray) -> np.ndarray:
         """Unknowns x moved into the bounds."""
         return np.clip(x, self.low, self.high)

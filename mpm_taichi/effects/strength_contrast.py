@@ -65,7 +65,7 @@ EFFECT = Effect(
         "is before it; elsewhere the surface is that of the rest's S_r"
     ),
     amplitude=Amplitude(
-        unit="",
+        unit="ln ratio",
         low=-3.0,
         high=3.0,
         ladder=(0.2, 0.4, 0.8),

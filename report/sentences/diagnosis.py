@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
+from diagnosis.adequacy.adequacy import test_words
 from diagnosis.hypotheses.model import FAMILIES
 from diagnosis.hypotheses.section import BOUNDARY
 from diagnosis.track_record import worth_of
@@ -27,6 +28,7 @@ from report.numbers import (
     MINUS,
     at_least,
     chance,
+    from_to,
     number,
     percent,
     plural,
@@ -126,7 +128,6 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
     said = []
     unknown = data.verdict.verdict == "unknown_effect"
     for one in data.verdict.answer.effects:
-        low, high = (number(end) for end in one.interval_95)
         name = spoken(one.name).capitalize()
         if data.verdict.verdict == "ambiguous":
             name = f"Most probable: {spoken(one.name)}"
@@ -134,7 +135,8 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
             name = f"Added, but not sufficient: {spoken(one.name)}"
         said.append(
             f"{name} ({one.words}): amplitude "
-            f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % interval {low} to {high}."
+            f"{plus_minus(one.amplitude, one.std, one.unit)}, 95 % interval "
+            f"{from_to(*one.interval_95, one.unit)}."
         )
     rivals = data.verdict.answer.set_90
     if len(rivals) > 1 and not unknown:
@@ -191,23 +193,6 @@ def alarm_sentence(data: DiagnosisData) -> str:
         f"{len(stage.tests)} tests the most significant is {test_words(worst.name)} "
         f"({chance(worst.p)}); all combined {chance(stage.p_combined)}. Below 0.05 is an alarm, "
         "below 0.20 a suspicion."
-    )
-
-
-def test_words(name: str) -> str:
-    """The name of a test in words."""
-    known = {
-        "chi2": "the size of all residuals",
-        "autocorrelation": "the correlation of neighbours along the profile",
-        "score": "the best score of a candidate",
-        "held_out": "the held-out data",
-        "held out": "the held-out data",
-    }
-    return known.get(
-        name,
-        f"the residuals of {name.removeprefix('group ')}"
-        if name.startswith("group ")
-        else spoken(name),
     )
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
+from diagnosis.adequacy.adequacy import test_words
 from diagnosis.verdict.verdict import (
     FittedModelSummary,
     MeasurementVerdict,
@@ -20,6 +21,7 @@ from report.data.diagnosis import DiagnosisData
 from report.numbers import (
     chance,
     fixed,
+    from_to,
     number,
     percent,
     plus_minus,
@@ -39,7 +41,6 @@ from report.sentences.diagnosis import (
     quoted_value,
     spoken,
     step_words,
-    test_words,
 )
 from report.table import Table
 
@@ -237,7 +238,7 @@ def effects_table(data: DiagnosisData) -> Table:
         [
             spoken(one.name),
             plus_minus(one.amplitude, one.std, one.unit),
-            " to ".join(map(number, one.interval_95)),
+            from_to(*one.interval_95, one.unit),
             one.words,
         ]
         for one in effects

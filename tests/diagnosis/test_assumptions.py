@@ -12,7 +12,7 @@ from shapely.ops import unary_union
 from diagnosis.case import diagnosis_case
 from diagnosis.diagnose import diagnose
 from diagnosis.hypotheses import section, soil, strength, water
-from diagnosis.hypotheses.assumption import Assumption
+from diagnosis.hypotheses.assumption import Assumption, with_setting
 from diagnosis.hypotheses.model import Candidate, amplitude_of, switch_of
 from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.registry import FAMILIES, assumed_otherwise, assumptions_of
@@ -43,7 +43,9 @@ def by_name(found: list[Assumption]) -> dict[str, Assumption]:
 def test_a_dry_section_may_have_stood_in_water(setup):
     found, left_out = water.assumptions(setup, [])
     known = by_name(found)
-    assert set(known) == {"pool", "pool_on_the_left", "pool_on_the_right"}
+    sides = {"pool_on_the_left", "pool_on_the_right"}
+    forms = {f"{name}_as_weight" for name in sides}
+    assert set(known) == {"pool"} | sides | forms
     assert left_out["no_water"] == "the section has no water"
     assert known["pool"].candidate.ladder == pytest.approx((2.4, 4.8, 8.4))  # 12 m high
     pool = known["pool"].change(setup, 3.0).scene
@@ -54,6 +56,11 @@ def test_a_dry_section_may_have_stood_in_water(setup):
     right = known["pool_on_the_right"].change(setup, 6.0).scene
     assert right.phreatic_line == [(0.0, 0.0), pytest.approx((49.0, 6.0))]
     assert left.phreatic_level(-20.0) == 6.0 and left.phreatic_level(80.0) == 0.0
+    other = known["pool_on_the_left_as_weight"].change(setup, 6.0)
+    assert other.settings.water == "buoyant" and other.scene.phreatic_line == left.phreatic_line
+    light = water.assumptions(with_setting(setup, water="buoyant"), [])[0]
+    pushing = by_name(light)["pool_on_the_right_as_pressure"]
+    assert pushing.change(setup, 6.0).settings.water == "pore_pressure"
 
 
 def test_a_section_with_a_pool_may_have_had_another_water(setup):

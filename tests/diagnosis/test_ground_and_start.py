@@ -20,6 +20,7 @@ from geometry.scenes.scene import Scene
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import SectionSetup
 from inversion.problem.state import State
+from mpm_taichi.effects import effect
 from mpm_taichi.solver.boundary import MARGIN, make_grid
 from pipeline.cli import InputError
 
@@ -57,6 +58,10 @@ def test_every_other_contact_is_on_trial(setup):
     assert (weak.contact, weak.friction_coefficient) == ("coulomb", pytest.approx(0.24))
     bonded = by_name(ground.assumptions(with_contact(setup, "no_slip"), [])[0])
     assert "bonded_base" not in bonded and "rough_base" in bonded
+    assert "weak_unbonded_base" not in rough, "the effect itself can act there"
+    weak = bonded["weak_unbonded_base"].change(with_contact(setup, "no_slip"), 0.4).scene
+    assert weak.ground.contact == "rough" and weak.effects["weak_base"] == 0.4
+    assert effect("weak_base").applies(with_contact(setup, "no_slip").scene), "bonded: no effect"
     sliding = with_contact(setup, "coulomb", 0.4)
     coulomb = by_name(ground.assumptions(sliding, [])[0])
     assert {"bonded_base", "rough_base", "base_friction"} <= set(coulomb)
@@ -104,6 +109,8 @@ def test_the_ground_before_a_foot_may_slope_or_have_a_bump(setup):
     bump = known["bump_near_the_left_foot"].change(setup, 3.0).scene
     assert bump.ground.height(np.array([-6.0, -12.0, -15.0])) == pytest.approx([0.0, 3.0, 1.5])
     assert [zone.polygon for zone in bump.zones] == [zone.polygon for zone in setup.scene.zones]
+    close = known["bump_close_to_the_left_foot"].candidate
+    assert close.high == 3.0 and max(close.ladder) <= close.high, "a ridge ends at the foot"
 
 
 @pytest.mark.parametrize("slope", [-0.06, -0.0215, -0.006])

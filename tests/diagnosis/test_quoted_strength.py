@@ -9,7 +9,7 @@ import pytest
 
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
-from diagnosis.selection.quoted_strength import quoted, unexplained
+from diagnosis.selection.quoted_strength import equal_weights, quoted, unexplained
 from diagnosis.selection.refit import FittedModel, RefitContext
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.misfit import system
@@ -118,3 +118,15 @@ def test_intervals_hold_the_strength_as_often_as_they_say():
     for share, level in (("50%", 0.5), ("80%", 0.8), ("95%", 0.95)):
         width = 2.6 * np.sqrt(level * (1.0 - level) / 60)
         assert abs(np.mean(hits[share]) - level) < width, share
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_two_standard_deviations_reach_the_value_by_each_explanation(count):
+    """Also by the farthest of them, however certain each is of itself and the others are."""
+    case, fits = models()
+    fit = fits[()].fit
+    every = {(str(k),): FittedModel(replace(fit, x=fit.x + (k == 0) * 1.0), 0.0, None, None)
+             for k in range(count)}  # fmt: skip
+    found = quoted(context(case), every, equal_weights(every), error=None, widened=False)
+    for one in every.values():
+        assert np.all(np.abs(one.fit.x[:2] - found.x) <= 2.0 * found.std)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagnosis.hypotheses import strength
 from diagnosis.track_record import worth_of
 from diagnosis.verdict.sections_file import FILE_NAME, load_sections
 from diagnosis.verdict.verdict import SOLVER_ERRORS, ValidationCase, Verdict, save_document
@@ -25,12 +26,13 @@ from report.diagnosis import (
     COMPARE_PAGE,
     EXPLAIN_PAGE,
     TRACK_PAGE,
+    summary,
     write_compare,
     write_explain,
     write_report,
     write_track,
 )
-from report.numbers import chance, number, plus_minus
+from report.numbers import LN_RATIO, chance, from_to, number, plus_minus, with_unit
 from report.sentences.diagnosis import (
     alarm_sentence,
     answer_sentences,
@@ -48,6 +50,7 @@ from report.sentences.diagnosis import (
     window_sentence,
     worth_sentence,
 )
+from report.table import plain
 from tests.diagnosis.verdict_case import (
     NASTY,
     adequate,
@@ -425,6 +428,21 @@ def test_chances_and_spreads_are_short():
     assert plain == ["p < 0.001", "p = 0.0042", "p = 0.04", "p = 0.50"]
     spread = plus_minus(21.913, 1.49, "kPa").replace("\N{NO-BREAK SPACE}", " ")
     assert spread == "21.9 ± 1.5 kPa"
+
+
+def test_a_contrast_is_written_as_the_factor_that_it_is():
+    assert with_unit(np.log(3.3), LN_RATIO) == "× 3.3"
+    assert plus_minus(np.log(0.5), np.log(1.25), LN_RATIO) == "× 0.5 (0.4 to 0.625)"
+    assert from_to(np.log(0.4), np.log(0.8), LN_RATIO) == "0.4 to 0.8"
+    assert from_to(-0.4, 1.0, "m") == "−0.4 to 1"
+    layer = strength.part_at("part_x_31_to_43").candidate
+    assert layer.unit == LN_RATIO and layer.prior_std == pytest.approx(np.log(2.0))
+
+
+def test_a_terminal_tells_the_range_that_the_page_tells(tmp_path):
+    verdict = identified()
+    said = worth_sentence(DiagnosisData(tmp_path, verdict))
+    assert "nine of ten" in said and plain(said) in summary(verdict, tmp_path)
 
 
 def test_what_the_uncertainty_is_made_of_is_said(tmp_path):

@@ -28,6 +28,16 @@ def test_each_command_has_its_own_times(session):
     assert session.told == []
 
 
+def test_the_runs_left_are_those_that_a_question_usually_takes(session):
+    """Not the allowance, which a diagnosis uses a third of."""
+    session.config = SimpleNamespace(diagnosis=SimpleNamespace(max_runs=1400))
+    session.model.candidates = range(60)
+    found = [session.usual_runs(what) for what in ("comparison", "explanation", "diagnosis")]
+    assert found == [40, 190, 440]
+    session.config.diagnosis.max_runs = 70
+    assert session.usual_runs("diagnosis") == 70
+
+
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [

@@ -11,9 +11,13 @@ import pytest
 from benchmarks.hidden_effects.__main__ import main
 from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
 from benchmarks.hidden_effects.making.make import reach_of, sealed_cases
-from benchmarks.hidden_effects.making.seal import seal
+from benchmarks.hidden_effects.making.reopen import reopen
+from benchmarks.hidden_effects.making.seal import is_sealed, seal
 from benchmarks.hidden_effects.scoring import sets
 from benchmarks.hidden_effects.scoring.opened import judged, load_rows, open_truths
+from benchmarks.hidden_effects.scoring.records import read_sealed, read_truth
+from diagnosis.case import diagnosis_case
+from geometry.case import load_case
 from pipeline.cli import InputError
 
 
@@ -132,3 +136,20 @@ def test_a_reach_that_is_none(root, tmp_path):
     places.reach.write_text('[{"of": ["shaking"]}]')
     with pytest.raises(InputError, match="reach.json: 0.lambda: is missing"):
         reach_of(load_benchmark(root / "benchmarks" / "hidden_effects"), places, None)
+
+
+def test_an_opened_set_is_written_again_from_its_record(root, tmp_path):
+    folder = root / "benchmarks" / "hidden_effects"
+    rows = load_rows(folder / "foreign_sixth_results.json")
+    benchmark, places = load_benchmark(folder / "foreign_sixth.yaml"), Places(tmp_path)
+    count = reopen(rows, benchmark, places, ["identified", "case_0003"])
+    assert count == len(read_sealed(places.sealed)) == 7
+    (row,) = [row for row in rows if row["truth"]["name"] == "case_0005"]
+    truth = read_truth(places.truth("case_0005"))
+    assert is_sealed(truth, row["sha256"]), "the seal is that of the record"
+    case = diagnosis_case(load_case(places.case("case_0005")))
+    targets, n = case.setup.targets, len(truth["places"])
+    assert sorted(targets.measured) == pytest.approx(sorted(truth["measured"]), abs=1e-3)
+    assert case.question.source_strength == 0.03 and n == 20
+    with pytest.raises(InputError, match="none of case_9999"):
+        reopen(rows, benchmark, places, ["case_9999"])

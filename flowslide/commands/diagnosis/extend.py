@@ -29,6 +29,7 @@ def run(arguments: argparse.Namespace) -> None:
     from diagnosis.verdict.fitted_models import effect_answers, measurement_lines
     from flowslide import api
     from report.diagnosis import measurements_text
+    from report.numbers import from_to, with_unit
     from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "extension") as session:
@@ -36,9 +37,8 @@ def run(arguments: argparse.Namespace) -> None:
     found, data = done.found, done.comparison.base.data
     words = {c.name: (c.unit, c.words) for c in done.asked.model.candidates}
     for answer in effect_answers(data, found.after.fit, words):
-        low, high = answer.interval_95
-        unit = f" {answer.unit}" if answer.unit else ""
-        print(f"{answer.name}: {answer.amplitude:.3g}{unit}, 95 % {low:.3g} to {high:.3g}")
+        value = with_unit(answer.amplitude, answer.unit)
+        print(f"{answer.name}: {value}, 95 % {from_to(*answer.interval_95, answer.unit)}")
     lines = measurement_lines(
         done.asked.model.targets,
         done.comparison.places,
