@@ -161,7 +161,7 @@ def test_the_strength_is_found_from_a_runout_between_flanks(tmp_path):
         main(["invert", str(folder), "--engine", engine, "--quick", "--threads", "1", "--quiet",
               *(word for text in FEW for word in ("--set", text)), "--report", "page",
               "--out", str(tmp_path / engine)])  # fmt: skip
-        found[engine] = load_result(tmp_path / engine).answer.parameters[0].value
+        found[engine] = load_result(tmp_path / engine).answer.parameters[0].as_run
     assert found["mpm3d"] == pytest.approx(TRUTH, rel=0.05)
     # A plane section has no flanks to hold it: the same runout asks for a stronger soil.
     assert found["mpm"] > 1.1 * TRUTH
