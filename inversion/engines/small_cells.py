@@ -39,7 +39,7 @@ AnySetup = TypeVar("AnySetup", bound=Setup)
 
 #: Power of the cell with which strengths approach their limit, of 60 random dams.
 ORDER = 1.45
-#: Standard deviation of ln(S / S_h): a share of it, and what the noise of the runs leaves.
+#: Standard deviation of ln(S / S_h): a share of it, and the least that the noise of runs leaves.
 SHARE_STD, NOISE_STD = 0.5, 0.01
 #: The same where it is not known: the dams' own spread about no correction.
 UNKNOWN_STD = 0.06
@@ -48,9 +48,16 @@ FARTHEST = 0.25
 #: Other spacings over that of the runs, in the order in which they are tried: coarse runs are
 #: cheap. Fewer points than this make no slide.
 OTHER_SPACINGS, LEAST_POINTS = (2.0, 1.5, 0.6), 200
-#: ln q of the first two runs, distance of the other two from where these say it is, and the
-#: largest that is looked for.
-FIRST, NEAR, MOST_LOG = (0.0, -0.1), 0.05, 0.6
+#: ln q of the first runs, distances of the others from where these say it is, of coarse runs and
+#: of fine ones, which are dear; the largest that is looked for.
+FIRST, NEAR_COARSE, NEAR_FINE, MOST_LOG = (
+    (0.0, -0.1),
+    (-0.075, -0.025, 0.025, 0.075),
+    (-0.05, 0.05),
+    0.6,
+)
+#: Each of these runs has its points elsewhere, by up to this share of half a spacing.
+JITTER = 0.5
 #: Standard deviations of the survey by which a factor of e must move the numbers, to be noticed.
 LEAST_SLOPE = 0.1
 
@@ -138,63 +145,78 @@ def small_cells(
     why = "no other spacing can be run"
     for other in others:
         there = other.scene.spacing
-        log = log_of_same_slide(engine, setup, values, other)
-        if not np.isfinite(log):
+        found = same_slide(engine, setup, values, other)
+        if found is None:
             why = f"no run {there:g} m apart leaves the same slide"
             continue
-        distance = -log / ((there / spacing) ** ORDER - 1.0)
+        reach = (there / spacing) ** ORDER - 1.0
+        distance, noise = -found.log / reach, found.noise / abs(reach)
         if abs(distance) <= FARTHEST:
             return SmallCells(
                 factor=float(np.exp(distance)),
-                log_std=float(np.hypot(SHARE_STD * distance, NOISE_STD)),
+                log_std=float(np.hypot(SHARE_STD * distance, max(noise, NOISE_STD))),
                 spacing_m=spacing,
                 other_spacing_m=there,
                 words=f"cell size: from runs {spacing:g} and {there:g} m apart",
             )
-        far = max(far, abs(distance))
+        far, apart = max(far, abs(distance)), 100.0 * abs(np.expm1(found.log))
         why = (
-            f"runs {spacing:g} and {there:g} m apart differ by {100 * abs(np.expm1(log)):.0f} % "
-            "in strength, which is too much to go on from: a smaller spacing would tell"
+            f"runs {spacing:g} and {there:g} m apart differ by {apart:.0f} % in strength, too much "
+            "to go on from: a smaller spacing would tell"
         )
     return SmallCells.unknown(spacing, why, max(UNKNOWN_STD, min(far, MOST_LOG)))
 
 
-def log_of_same_slide(engine: Forward, setup: Setup, values: np.ndarray, other: Setup) -> float:
-    """Ln q with which the strengths of another setup leave the slide of a setup.
+@dataclass(frozen=True)
+class SameSlide:
+    """ln q with which the strengths at another spacing leave the slide of a setup, and its noise.
 
-    Of the numbers that are fitted, straight lines through four runs, weighed by their errors; NaN:
-    a run failed, or nothing moves with the strength.
+    Attributes:
+        log: ln q.
+        noise: its standard deviation by the place of the points, at both spacings.
     """
-    strengths = setup.parameters.strengths
+
+    log: float
+    noise: float
+
+
+def same_slide(engine: Forward, setup: Setup, values: np.ndarray, other: Setup) -> SameSlide | None:
+    """The strengths of another setup that leave the slide of a setup.
+
+    By straight lines through the fitted numbers of a few runs, weighed by their errors. What the
+    runs scatter by about the lines is the noise; at the spacing of the setup it is in proportion to
+    the spacing. None: runs failed, or nothing moves with the strength.
+    """
+    strengths, targets = setup.parameters.strengths, setup.targets
     (here,) = engine.predict([setup.at(values)])
-    targets = setup.targets
-    weight = np.where(
-        targets.fitted & ~targets.censored, 1.0 / np.sqrt(np.diag(targets.covariance)), 0.0
-    )
-    if here.failed and not np.isfinite(here.values[weight > 0.0]).all():
-        return float("nan")
-
-    def at(log: float) -> Request:
-        return other.at(np.where(strengths, values * np.exp(log), values))
-
+    counted = targets.fitted & ~targets.censored
+    weight = np.where(counted, 1.0 / np.sqrt(np.diag(targets.covariance)), 0.0)
+    if not counted.any() or not np.isfinite(here.values[counted]).all():
+        return None
+    ratio = setup.scene.spacing / other.scene.spacing
     logs: list[float] = []
     found: list[Prediction] = []
-    where = 0.0
-    for more in (FIRST, (-NEAR, NEAR)):
+    where = scatter = 0.0
+    for more in (FIRST, NEAR_COARSE if ratio < 1.0 else NEAR_FINE):
         places = [where + one for one in more]
+        requests = [
+            other.jittered(JITTER, seed).at(np.where(strengths, values * np.exp(log), values))
+            for seed, log in enumerate(places, start=len(logs) + 1)
+        ]
         logs += places
-        found += engine.predict([at(one) for one in places])
+        found += engine.predict(requests)
         off = np.array([weight * (one.values - here.values) for one in found])
-        read = np.isfinite(off).all(axis=0) & (weight > 0.0)
-        if not read.any():
-            return float("nan")
-        away = np.array(logs) - np.mean(logs)
-        slope = away @ off[:, read] / (away @ away)
-        if np.linalg.norm(slope) < LEAST_SLOPE:
-            return float("nan")
-        where = float(np.mean(logs) - (slope @ off[:, read].mean(axis=0)) / (slope @ slope))
-        where = float(np.clip(where, -MOST_LOG, MOST_LOG))
-    return where
+        off = off[:, np.isfinite(off).all(axis=0) & counted]
+        away, mean = np.array(logs) - np.mean(logs), off.mean(axis=0)
+        slope = away @ off / (away @ away)
+        size = float(np.linalg.norm(slope))
+        if not size >= LEAST_SLOPE:
+            return None
+        along = slope / size
+        where = float(np.clip(np.mean(logs) - along @ mean / size, -MOST_LOG, MOST_LOG))
+        left = (off - mean - away[:, None] * slope) @ along
+        scatter = float(np.sqrt(left @ left / max(len(logs) - 2, 1))) / size
+    return SameSlide(where, scatter * float(np.sqrt(1.0 / len(logs) + ratio**2)))
 
 
 def factors_of(
