@@ -13,33 +13,36 @@ are kept in `gallery.json` and shown on `docs/how-to/gallery.md`, which `--page`
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.back_analysis.twin_cases import runout
 from benchmarks.generated_pages import ROOT, renew, table
 from flowslide import back_analyse
-from geometry.scenes.drawings import read_section, section_scene
-from geometry.scenes.scene import Scene
-from geometry.sides import SIDES
+from geometry.case import load_case
+from geometry.scenes.drawings import read_section
+from geometry.sides import Side
+from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
 from inversion.new_case.make_case import Given, make_case
+from inversion.prediction.known_strength import KnownStrength
+from inversion.prediction.prediction_case import prediction_case
 from pipeline.config import load_config
 from pipeline.files import read_json, read_text, write_json, write_text
-from pipeline.random_numbers import Stream, number_of
+from pipeline.random_numbers import number_of
 
 DRAWINGS = ROOT / "docs/examples/gallery"
 FOLDER = ROOT / "results/benchmarks/gallery"
 RECORD = Path(__file__).with_suffix(".json")
 PAGE = ROOT / "docs/how-to/gallery.md"
-#: Distance of the points [m]: four of them or more in the thickness of what has liquefied.
+#: Distance of the points of the question [m]: four of them or more in what has liquefied.
 SPACINGS = {
     "embankment_on_foundation": 0.5, "hydraulic_fill_with_core": 1.0, "levee_thin_sand": 0.375,
     "natural_slope": 0.5, "quay": 0.6, "railway_on_loose_sand": 0.4, "river_bank_under_water": 0.7,
     "road_on_peat_and_sand": 0.5, "stockpile": 0.375, "tailings_downstream": 1.0,
     "tailings_upstream": 1.0, "three_zone_dam_feet": 0.7,
 }  # fmt: skip
-FINER, JITTER, SURVEY = 0.7, 0.5, 0.05
+FINER, SURVEY = 0.7, 0.05
 #: Of the first guess over the truth, which the back-analysis is not told.
 GUESS = 2.0
 
@@ -51,17 +54,23 @@ def unit_of(name: str) -> str | None:
     return "ft" if name.endswith("_feet") else None
 
 
-def drawn(name: str) -> Scene:
-    """The slide as it was: the drawing, with points closer together than the question's."""
-    path = DRAWINGS / f"{name}.csv"
-    scene = section_scene(
-        read_section(path),
-        source=path.name,
-        name=name,
-        spacing=round(FINER * SPACINGS[name], 4),
-        unit=unit_of(name),
+def toes(name: str, known: KnownStrength) -> dict[Side, float]:
+    """How far each toe runs with the S_r of the drawing, on points closer than the question's."""
+    folder = FOLDER / "slides" / name
+    if not folder.is_dir():
+        section = str(DRAWINGS / f"{name}.csv")
+        make_case(str(folder), Given(section=section, unit=unit_of(name)))
+    slide = prediction_case(
+        load_case(folder, load_config(None)), spacing_m=round(FINER * SPACINGS[name], 4)
     )
-    return scene.changed(jitter=JITTER, seed=Stream(number_of(name)).seed() % 2**31)
+    placed = replace(known, zones=tuple(slide.default_zones))
+    setup = slide.setup([placed], jitter_seed=1 + number_of(name) % 2**31)
+    (found,) = MPMEngine(RunStore(FOLDER / "runs")).predict([setup.at(setup.parameters.start)])
+    return {
+        entry.toe_side: float(value)
+        for entry, value in zip(slide.entries, found.values, strict=True)
+        if entry.toe_side
+    }
 
 
 def solved(name: str) -> Record:
@@ -69,17 +78,17 @@ def solved(name: str) -> Record:
     path = FOLDER / f"{name}.json"
     if path.is_file():
         return read_json(path)
-    slide = drawn(name)
-    soil = next(one for one in slide.materials.values() if one.liquefied)
-    (run,) = RunStore(FOLDER / "slides").fetch([(slide, load_config(None).simulation)])
-    far = {side: runout(slide, run, side) for side in SIDES if not _hidden(slide, side)}
+    properties = read_section(DRAWINGS / f"{name}.csv").properties.values()
+    soil = next(one for one in properties if one.get("liquefied"))
+    strength, density = soil["cohesion_kpa"], soil["density"]
+    far = toes(name, KnownStrength((), strength, strength, "lognormal"))
     side = max(far, key=lambda one: far[one])
     # The drawing with another first guess, as somebody has it who does not know the answer.
     text = read_text(DRAWINGS / f"{name}.csv")
-    guess = f",0,{soil.cohesion_kpa:g},{soil.density:g},true"
+    guess = f",0,{strength:g},{density:g},true"
     section = FOLDER / "drawings" / f"{name}.csv"
     write_text(section, text.replace(guess, guess.replace(
-        f",{soil.cohesion_kpa:g},", f",{GUESS * soil.cohesion_kpa:g},")))  # fmt: skip
+        f",{strength:g},", f",{GUESS * strength:g},")))  # fmt: skip
     case = FOLDER / "cases" / name
     if not case.is_dir():
         make_case(
@@ -95,10 +104,9 @@ def solved(name: str) -> Record:
     result = back_analyse(case, quick=True, out=FOLDER / "answers" / name)
     (p,) = result.answer.parameters
     record = {
-        "true_kpa": soil.cohesion_kpa,
+        "true_kpa": strength,
         "side": side,
         "runout_m": round(far[side], 2),
-        "at_rest": run.at_rest,
         "spacing_m": SPACINGS[name],
         "found_kpa": round(p.value, 3),
         "std_kpa": round(p.std_total, 3),
@@ -111,11 +119,6 @@ def solved(name: str) -> Record:
     }
     write_json(path, record)
     return record
-
-
-def _hidden(scene: Scene, side: Any) -> bool:
-    """No toe can be measured on a side: the ground goes on there, and nothing stands on it."""
-    return scene.domain.goes_on(side) and not scene.front_zones(side)
 
 
 def page(records: dict[str, Record]) -> None:

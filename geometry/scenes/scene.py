@@ -30,7 +30,7 @@ from pydantic import (
 
 from geometry.scenes.limits import FARTHEST_M, check_density, check_level, extent
 from geometry.scenes.polygon_checks import Fault, ground_faults, zone_faults
-from geometry.sides import SIDES, Side
+from geometry.sides import SIDES, Side, outward_of
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import read_json, read_yaml, write_text, yaml_text
@@ -55,6 +55,8 @@ UNCHECKED = "each field alone"
 #: end rise by more than the other share of it, from the ground: natural ground, or a dam, that was
 #: cut off by the edge of the drawing. A toe of 1 : 5 or gentler has none.
 FACE_WITHIN, FACE_HEIGHT = 0.02, 0.1
+#: Small against every section [m].
+HAIR = 1e-6
 
 #: A pair of numbers that the JSON writer has spread over four lines.
 _PAIR = re.compile(r"\[\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]")
@@ -437,7 +439,8 @@ class Scene(Document):
             return []
         low, high = self.extent
         foot = (min if side == "left" else max)(x for x, _ in corners)
-        rise = max(y for _, y in corners) - self.surface(foot)
+        # A hair before the foot: over it a wall rises to its top.
+        rise = max(y for _, y in corners) - self.surface(foot + outward_of(side) * HAIR)
         return front if rise > FACE_HEIGHT * (high - low) else []
 
     def surface(self, x: float) -> float:

@@ -26,6 +26,7 @@ from inversion.estimation.forward import SectionSetup
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
 from inversion.problem.question import RESIDUAL_STRENGTH, load_question
+from pipeline.cli import InputError
 
 
 @dataclass(frozen=True)
@@ -114,9 +115,15 @@ def prediction_case(case: Case, *, spacing_m: float | None = None) -> Prediction
     entries: list[Measured] = [
         entry for entry in (*single_lengths(case.measured), *stood) if not entry.constructed
     ]
+    read = [*entries, *_other_toes(entries, case.scene)]
+    if not read:
+        raise InputError(
+            f"{case.folder}: nothing to predict: the ground goes on on both sides and no soil that "
+            "stands on it has a toe; where soil can run out of the section: domain: {left: free}"
+        )
     return case.extended(
         PredictionCase,
-        entries=entries + _other_toes(entries, case.scene),
+        entries=read,
         known=[entry.name for entry in entries],
         calibrated=[
             zone

@@ -134,3 +134,19 @@ def test_a_dam_that_is_buried_on_one_side_has_no_toe_there():
     assert scene.front_zones("right") == [] and scene.foot("right") == 80.0
     assert scene.front_zones("left") == [0, 1]
     assert np.isclose(scene.surface(55.0), 5.75)
+
+
+def test_a_wall_on_ground_that_goes_on_has_its_toe_at_its_foot():
+    quay = road().model_dump()
+    caisson = [[0, 0], [9, 0], [9, 6], [0, 6]]
+    behind = [[9, 0], [66, 0], [66, 6], [9, 6]]
+    layer = [[-25.3, -4], [66, -4], [66, 0], [9, 0], [0, 0], [-25.3, 0]]
+    quay["zones"] = [
+        {"name": name, "polygon": polygon, "material": soil}
+        for name, polygon, soil in (
+            ("caisson", caisson, "fill"), ("behind", behind, "fill"), ("layer", layer, "sand"),
+        )
+    ]  # fmt: skip
+    scene = scene_from_mapping(quay)
+    assert [scene.zones[k].name for k in scene.front_zones("left")] == ["caisson", "behind"]
+    assert scene.foot("left") == 0.0 and scene.front_zones("right") == []

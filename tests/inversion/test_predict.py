@@ -16,6 +16,7 @@ from geometry.case import load_case
 from geometry.scenes.scene import load_scene
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.forward import Prediction
+from inversion.new_case.make_case import Given, make_case
 from inversion.prediction.known_strength import (
     DrawnStrength,
     KnownStrength,
@@ -379,3 +380,13 @@ def test_draws_of_a_posterior_are_sampled_together():
     found = asked(engine, strengths, samples=2000)
     spread = np.percentile(found.samples[:, 0], [10, 90])
     assert 330.0 < spread[0] < spread[1] < 470.0  # independent, it would be 236 to 712
+
+
+def test_a_section_without_a_toe_is_refused(tmp_path):
+    rows = ["zone,x,y,material,friction_deg,cohesion_kpa,density,liquefied"]
+    rows += ["sand,0,0,sand,0,5,1900,true", "sand,60,0,,,,,", "sand,60,9,,,,,", "sand,40,9,,,,,"]
+    rows += ["sand,20,4,,,,,", "sand,0,4,,,,,"]
+    (tmp_path / "bank.csv").write_text("\n".join(rows) + "\n")
+    made = make_case(str(tmp_path / "bank"), Given(section=str(tmp_path / "bank.csv")))
+    with pytest.raises(InputError, match="nothing to predict: the ground goes on on both sides"):
+        prediction_case(load_case(made.folder))
