@@ -25,6 +25,8 @@ from geometry.scenes.scene import (
     scene_problems,
     zones_at,
 )
+from geometry.survey.blow_counts import FILE_NAME as BLOW_COUNTS_FILE
+from geometry.survey.blow_counts import BlowCounts, load_blow_counts
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements
 from inversion.problem.question import Question
@@ -35,6 +37,7 @@ DOCUMENTS = {
     "measurements": MEASUREMENTS_FILE,
     "inversion": "inversion.yaml",
     "diagnosis": "diagnosis.yaml",
+    "blow_counts": BLOW_COUNTS_FILE,
 }
 """Part of a case that the page edits -> its file."""
 Place = tuple[str | int, ...]
@@ -125,11 +128,16 @@ def _check_diagnosis(folder: Path, scene: Scene) -> None:
     load_diagnosis_question(folder)
 
 
-_MODELS: dict[str, type[BaseModel]] = {"measurements": Measurements, "inversion": Question}
-_CHECKS: dict[str, Callable[[Path, Scene], None]] = {
+_MODELS: dict[str, type[BaseModel]] = {
+    "measurements": Measurements,
+    "inversion": Question,
+    "blow_counts": BlowCounts,
+}
+_CHECKS: dict[str, Callable[[Path, Scene], object]] = {
     "measurements": _check_measurements,
     "inversion": _check_question,
     "diagnosis": _check_diagnosis,
+    "blow_counts": load_blow_counts,
 }
 _MADE: tuple[Place, ...] = (("domain",), ("ground",), ("spacing",), ("ground", "points"))
 #: Slips that only who writes a file can make; their messages name keys and their page.
@@ -147,6 +155,8 @@ LABELS = {
     "ground": "base",
     "phreatic_line": "water table",
     "water_level": "pool level",
+    "n1_60": "blow count N1,60",
+    "n1_60cs": "blow count N1,60cs",
     "std_is": "what the standard deviation is",
     "low": "lower bound",
     "start": "first guess",
@@ -193,6 +203,10 @@ def _subject(part: str, document: Mapping[str, Any], place: Place) -> tuple[str,
             asked = document["parameters"][number]
             label = asked.get("label") if isinstance(asked, Mapping) else None
             return str(label or _name(asked, number)), tuple(rest)
+        case "blow_counts", ("layers", int(number), *rest):
+            return _words(
+                ", ".join(map(str, document["layers"][number].get("zones") or []))
+            ), tuple(rest)
     return "", place
 
 

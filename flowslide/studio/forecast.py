@@ -35,10 +35,10 @@ class Forecaster:
     """Forecasts of questions; an older one of the same asker gets none.
 
     Args:
-        threads: CPU threads; None: all.
+        threads: CPU threads, for `live_process`, which starts the process with so many.
     """
 
-    def __init__(self, threads: int | None = 1) -> None:
+    def __init__(self, threads: int | None = None) -> None:
         self.threads = threads
         self._owner = ThreadPoolExecutor(1, thread_name_prefix="forecast")
         self._lock = Lock()
@@ -70,13 +70,10 @@ class Forecaster:
             return None
 
     def _forecast(self, asked: Question) -> bytes | None:
-        import torch
-
         from gns.data.distance import FARTHEST
         from inversion.engines.direct_engine import shipped
 
         if self._predictor is None:
-            torch.set_num_threads(self.threads or torch.get_num_threads())
             self._predictor = shipped("direct").predictor
         section, before = self._section(asked.case)
         if self._predictor.distance(section) > FARTHEST:

@@ -105,7 +105,7 @@ class LiveProcess:
         self._pipe, far = Pipe()
         self.process = subprocess.Popen(
             python_command("-m", __name__, far.fileno(), self.threads or 0, self.kind),
-            env=python_environment(),
+            env=python_environment({"OMP_NUM_THREADS": self.threads} if self.threads else None),
             pass_fds=[far.fileno()],
             start_new_session=True,  # Ctrl-C is the server's
             stdin=subprocess.DEVNULL,

@@ -39,8 +39,8 @@ def tab(context):
 
 
 def _faults(told) -> list[str]:
-    """What the console of the browser has to say, but for a server that is not there."""
-    gone = re.search(r"net::ERR_|status of (403|409)|WebSocket connection to", told.text)
+    """What the console of the browser has to say, but for requests that are refused with a word."""
+    gone = re.search(r"net::ERR_|status of (400|403|409)|WebSocket connection to", told.text)
     return [] if gone or told.type != "error" else [f"{told.text} {told.location}"]
 
 

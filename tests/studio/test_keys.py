@@ -570,3 +570,19 @@ def test_a_folder_that_cannot_be_shown_is_named(page, workspace):
     shutil.copytree(workspace.folder / "small", workspace.folder / "mein damm")
     page.reload()
     expect(page.locator("#left-out")).to_contain_text("not shown: “mein damm”", timeout=WAIT_MS)
+
+
+def test_an_answer_that_comes_after_an_edit_is_of_another_section(page, workspace):
+    """It is not shown over the section of now, whose feet nobody knows while it has a fault."""
+    page.get_by_label("Spacing of points").select_option("0.25 m")  # it takes some seconds
+    page.locator('[data-mode="survey"]').first.click()
+    page.wait_for_timeout(300)
+    section(page)
+    page.locator("summary", has_text="firm").click()
+    typed(page, "friction of firm [deg]", "95")
+    page.locator('[data-mode="survey"]').first.click()
+    expect(page.locator("#status")).to_contain_text("must be less than 89", timeout=WAIT_MS)
+    page.wait_for_timeout(4000)
+    assert page.locator("#readings tbody tr").count() == 0
+    section(page)
+    assert all(abs(one) < 1e6 for one in pixel_of(page, 60.0, 5.0))

@@ -156,3 +156,26 @@ def test_a_column_fills_the_fields_of_a_soil(page, workspace):
     page.locator("#undo").click()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
     assert saved(page, workspace, "scene", "materials", "firm") == before
+
+
+def test_a_column_of_blow_counts_is_pasted(page, workspace):
+    page.locator('[data-mode="survey"]').first.click()
+    page.locator("summary", has_text="Blow counts").click()
+    paste(page, "blow count of loose", "N1,60cs\n12,5")
+    expect(page.locator("#survey-left .wrong")).to_have_text("say where the number is from")
+    typed(page, "source of the blow counts", "boring 3")
+    expect(page.locator("#status")).to_contain_text("answered in", timeout=WAIT_MS)
+    expect(page.locator("#survey-left .wrong")).to_have_count(0)
+    layer = {"zones": ["loose"], "n1_60cs": 12.5, "confidence": "assumed", "source": "boring 3"}
+    assert workspace.read("small")["blow_counts"] == {"layers": [layer]}
+    assert (workspace.folder / "small" / "blow_counts.yaml").is_file()
+    paste(page, "blow count of loose", "12\n13")
+    expect(page.locator("#status")).to_have_text("not pasted: 2 numbers, where 1 fit from here on")
+    typed(page, "blow count of loose", "90")
+    expect(page.locator("#survey-left .wrong")).to_contain_text("must be at most 60 (is 90)")
+    page.get_by_label("blow count of loose").click(click_count=3)
+    page.keyboard.press("Delete")
+    page.keyboard.press("Tab")
+    expect(page.locator("#survey-left .wrong")).to_have_count(0, timeout=WAIT_MS)
+    expect(page.locator("#status")).to_contain_text(SAVED, timeout=WAIT_MS)
+    assert workspace.read("small")["blow_counts"] is None

@@ -19,7 +19,7 @@ from benchmarks.studio import pixel_of
 from flowslide.studio.workspace import Workspace
 from tests.studio.browsing import WAIT_MS, tab, watched
 
-PARTS = ("scene", "measurements", "inversion", "diagnosis", "tables")
+PARTS = ("scene", "measurements", "inversion", "diagnosis", "blow_counts", "tables")
 PANELS = "#section-left, #section-right, #survey-left, #survey-right"
 FIELDS = ":is(input[type=text], textarea):enabled:visible"
 NUMBERS = ("28", "3", "12,5", "0", "-4", "8.0", "1e3", "60", "0.3", "6", "12 ft", "200 psf", "soft")

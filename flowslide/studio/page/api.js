@@ -68,7 +68,7 @@ export class Sliders {
       } else {
         const found = JSON.parse(data);
         this.answered(found.id);
-        if (found.id === this.number) { this.waiting = null; this.on.failed(found.message); }
+        if (found.id === this.number && this.waiting) { this.waiting = null; this.on.failed(found.message); }
       }
     };
   }
@@ -79,6 +79,12 @@ export class Sliders {
     this.waiting = JSON.stringify({ ...question, id: this.number });
     if (!this.pacing) this.post();
     return this.number;
+  }
+
+  /** Nobody waits for an answer any more: the section is another, or at fault. */
+  forget() {
+    this.shown = this.number;
+    this.waiting = null;
   }
 
   /** Send what is asked last; the next one as soon as there is a first answer, so that a drag does not keep the server busy. */

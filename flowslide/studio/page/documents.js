@@ -3,7 +3,7 @@
 import { get, send } from "./api.js";
 import { followSection } from "./water.js";
 
-const PARTS = ["scene", "measurements", "inversion", "diagnosis", "tables"];
+const PARTS = ["scene", "measurements", "inversion", "diagnosis", "blow_counts", "tables"];
 const DEPTH = 200; // edits that can be undone
 const PAUSE = 200; // ms after the last edit until it is saved
 const KEPT = 30; // edits that can be undone after a reload
@@ -45,6 +45,9 @@ export class Documents {
       sessionStorage.setItem(`edits of ${name}`, JSON.stringify({ revision, past: this.past.slice(-KEPT), future: this.future.slice(-KEPT) }));
     } catch { sessionStorage.removeItem(`edits of ${name}`); }
   }
+
+  /** The server's word on the documents of now is still to come. */
+  get pending() { return this.dirty || this.saving; }
 
   get canUndo() { return this.past?.length > 0; }
   get canRedo() { return this.future?.length > 0; }
@@ -112,6 +115,7 @@ export class Documents {
       // What the program has added, such as room for the slide; it is no edit of its own.
       if (!this.dirty) this.now = partsOf(found);
       this.keepEdits();
+      this.saving = false;
       this.on.saved(found);
     } catch (error) {
       if (name !== this.name) return;

@@ -3,7 +3,7 @@
 import { button, el } from "./ui.js";
 
 const TABS = { scene: "section" };
-const WORDS = { measurements: "Survey: ", inversion: "Question: ", diagnosis: "Diagnosis: " };
+const WORDS = { measurements: "Survey: ", inversion: "Question: ", diagnosis: "Diagnosis: ", blow_counts: "Blow counts: " };
 const tabOf = ({ document: part }) => TABS[part] ?? "survey";
 
 export const placeOf = (part, ...field) => [part, ...field].join("/");

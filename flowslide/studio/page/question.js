@@ -33,9 +33,10 @@ export function removeZone(documents, number) {
     if (Array.isArray(node.zones)) node.zones = node.zones.filter((one) => one !== name);
   });
   if (!documents.inversion?.parameters?.length) documents.inversion = null;
+  if (!documents.blow_counts?.layers?.length) documents.blow_counts = null;
 }
 
-const asked = ({ inversion, diagnosis }) => [inversion, diagnosis];
+const asked = ({ inversion, diagnosis, blow_counts: counts }) => [inversion, diagnosis, counts];
 
 function walk(node, act) {
   if (Array.isArray(node)) node.forEach((one) => walk(one, act));

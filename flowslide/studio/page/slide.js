@@ -23,7 +23,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** Sliders of the section as it is, and its slide; nothing where that is shown already, or a fault is to be mended. */
   function flow() {
-    if (state.fresh || documents.dirty) return;
+    if (state.fresh || documents.pending) return;
     if (state.found.faults.length) { empty(); return; }
     pause();
     state.fresh = true;
@@ -39,9 +39,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** No sliders, no answer: those of another case, or of a section with a fault, are nobody's. */
   function empty() {
-    view.forecast = null;
+    forget();
     pause();
-    clearTimeout(filming);
     $("sliders").replaceChildren();
     $("effects").replaceChildren();
     $("misfit").textContent = "";
@@ -208,7 +207,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** The deposit first; the way there, with `film`, when it is shown. */
   function ask(film) {
-    if (state.found.faults.length || documents.dirty) return;
+    if (state.found.faults.length || documents.pending) return;
     state.film = film;
     clearTimeout(filming);
     asked = performance.now();
@@ -361,6 +360,15 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     $("play").textContent = "Play";
   }
 
+  /** What is on its way is of another section than the one that is shown. */
+  function forget() {
+    sliders.forget();
+    clearTimeout(filming);
+    waits = false;
+    view.deposit = view.forecast = null;
+    view.marks = [];
+  }
+
   /** Another tab is shown: nobody waits for an answer any more. */
   function leave() {
     if ($("status").textContent.startsWith(SIMULATING)) say("");
@@ -421,5 +429,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (isFitted) view.fit();
   });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, leave, empty, showValues, keepAnswer };
+  return { flow, play, leave, forget, empty, showValues, keepAnswer };
 }

@@ -38,10 +38,7 @@ function tellTyped(words, bad = false) {
 const documents = new Documents({
   changed(words, isOther) {
     state.fresh = false;
-    if (isOther) {
-      view.deposit = view.forecast = null; // it was of another section
-      view.marks = [];
-    }
+    if (isOther) slide.forget();
     view.preview(documents.now.scene);
     view.paintLegend();
     say(`${words}; saving ...`);
@@ -139,7 +136,7 @@ async function open(name, again = false, unasked = false) {
   let found;
   try { found = await get(`/api/cases/${name}`); } catch (error) { say(error.message, true); return false; }
   if (turn !== opening) return false; // another one was asked for meanwhile
-  if (unasked && (documents.dirty || documents.saving)) return false; // to be saved is a conflict: somebody chooses
+  if (unasked && documents.pending) return false; // to be saved is a conflict: somebody chooses
   Object.assign(state, { name, found, effects: {}, changes: { strengths_kpa: {}, friction_deg: {} }, fresh: false });
   history.replaceState(null, "", `#${name}`);
   $("origin").textContent = found.shipped ? "read only" : "";
@@ -148,9 +145,7 @@ async function open(name, again = false, unasked = false) {
   documents.open(found);
   if (!again) { editor.use("select"); forget(); }
   if (!again || !editor.hasSelected()) editor.selection = {};
-  view.deposit = view.forecast = null;
   view.level = undefined;
-  view.marks = [];
   slide.empty();
   take(found);
   if (!again) { await underlay.open(name); state.first = true; view.show(documents.now.scene); }
@@ -179,7 +174,7 @@ function setMode(mode) {
   if (isOther) editor.use("select"); else drawing();
   showMarks();
   view.stretch(mode === "section" ? 1 : Number($("rise").value)); // what is drawn has equal scales
-  if (mode === "section") { view.deposit = view.forecast = null; view.level = undefined; view.marks = []; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
+  if (mode === "section") { slide.forget(); view.level = undefined; state.fresh = false; view.preview(documents.now.scene); view.paintLegend(); }
   refresh();
   if (mode === "slide" || mode === "survey") slide.flow();
 }

@@ -1,5 +1,6 @@
 // What was measured, and what is asked of it: forms for every type of measurement, profiles by paste or file.
 
+import { blowCounts } from "./blow_counts.js";
 import { faultList, placeOf, wrongAt } from "./faults.js";
 import { cellsOf, numbersOf } from "./numbers.js";
 import { isFitted } from "./question.js";
@@ -55,6 +56,7 @@ export class SurveyPanel {
       ...(this.survey ? [field({ words: "upstream", kind: "choice", choices: ["left", "right"], value: this.survey.upstream },
         (value) => this.edit("upstream", (_, documents) => { documents.measurements.upstream = value; }))] : []),
     ];
+    children.push(...blowCounts(this.page));
     refill(this.left, ...(this.page.documents.shipped ? readOnly(children) : children));
     this.showRight();
   }
