@@ -29,6 +29,7 @@ from flowslide import back_analyse
 from geometry.scenes.scene import Scene, save_scene, scene_from_mapping
 from geometry.sides import SIDES, Side
 from inversion.engines.run_store import RunStore
+from inversion.engines.small_cells import ORDER
 from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError
 from pipeline.config import load_config
@@ -184,11 +185,19 @@ def figures(records: list[Record]) -> Record:
         np.maximum((np.array([one["std_kpa"] for one in records]) / found) ** 2 - cells**2, 0.0)
     )
     rows = {}
-    for name, values, covered in (
-        ("as the runs have it", ran, np.abs(np.log(ran / true)) <= 1.96 * std),
-        ("in small cells", found, (ends[:, 0] <= true) & (true <= ends[:, 1])),
+    # The slides have cells too, a third as large, and so needed a strength that is too low.
+    limit = true * (found / ran) ** (ASKED / FINE) ** ORDER
+    for name, values, truth, covered in (
+        ("as the runs have it", ran, true, np.abs(np.log(ran / true)) <= 1.96 * std),
+        ("in small cells", found, true, (ends[:, 0] <= true) & (true <= ends[:, 1])),
+        (
+            "the same, of the slide in small cells",
+            found,
+            limit,
+            (ends[:, 0] <= limit) & (limit <= ends[:, 1]),
+        ),
     ):
-        off = values / true - 1.0
+        off = values / truth - 1.0
         rows[name] = {
             "mean": float(off.mean()),
             "median": float(np.median(off)),
