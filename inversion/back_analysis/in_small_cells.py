@@ -1,9 +1,8 @@
 """A result with strengths in small cells, made from one with strengths as the runs had them.
 
-Every strength is told alike, so that the answer, what it was found from and what moves it can be
-compared: variants, sensitivities, starts, jittered points, other engines. What the question states
-stays as stated, and so does the waterfall, whose bars have spacings of their own: the step to small
-cells becomes its last.
+Every answer is told alike, so that they can be compared: variants, sensitivities, starts, jittered
+points, other engines. The iterations stay as their runs were, and so do the bars of the waterfall,
+which have spacings of their own: the step to small cells becomes its last.
 """
 
 from __future__ import annotations
@@ -49,7 +48,6 @@ def told(result: Result, cells: SmallCells, parameters: Parameters) -> Result:
     return result.model_copy(
         update={
             "answer": answer,
-            "iterations": [_times(one, factors, "values") for one in result.iterations],
             "starts": [_times(one, factors, "start", "answer") for one in result.starts],
             "variants": [
                 _times(one, factors, "values", "coarse_values", "ratios") for one in result.variants

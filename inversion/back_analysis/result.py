@@ -206,7 +206,7 @@ class Iteration(StrictDocument):
     )
     spacing_m: float = Field(description=SPACING)
     accepted: bool = Field(description="False: a step that made it worse and was taken back")
-    values: dict[str, float] = Field(description="parameters by name")
+    values: dict[str, float] = Field(description="parameters by name, as its run took them")
     loss: float | None = Field(description="null: the run failed")
     predicted: dict[str, float] = Field(description="all measured quantities by name")
     runs_so_far: int = Field(description="simulations asked for up to here, noise seeds included")

@@ -164,8 +164,8 @@ def draw_history(data: BackAnalysisData, path: Path) -> Path:
     style.title(values, "Values")
     style.labels(values, "", unit_of(parameters[0].unit))
     values.set_ylim(bottom=0)
-    names = [f"{p.label}: {with_unit(p.value, p.unit)}" for p in parameters]
-    _end_labels(values, [p.value for p in parameters], names)
+    names = [f"{p.label}: {with_unit(p.as_run, p.unit)}" for p in parameters]
+    _end_labels(values, [p.as_run for p in parameters], names)
     for number, m in enumerate(fitted):
         _line(simulated, places, [line.predicted.get(m.name, np.nan) for line in kept], number)
         simulated.axhline(m.measured, color=COLOURS[number], linewidth=0.8, zorder=1)

@@ -301,7 +301,7 @@ def test_runs_of_the_solver_correct_the_answer(lsfd):
     result = back_analysis_by(engine_named("direct"), case, runs, Watch()).run()
     (told,) = [line for line in result.remarks if "corrected by 3 runs" in line]
     assert "upstream toe" in told
-    values = np.array([one.value for one in result.answer.parameters])
+    values = np.array([one.as_run for one in result.answer.parameters])
     truth, alone = (
         engine.predict([case.setup.at(values)])[0].values[0]
         for engine in (MPMEngine(runs), shipped("direct"))

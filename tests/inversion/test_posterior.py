@@ -610,7 +610,7 @@ def test_the_command_leaves_all_files_and_goes_on_where_it_stopped(lsfd, tmp_pat
     assert page.count("<img") == 4
     data = arviz.from_netcdf(out / "posterior.nc")
     kept = data.posterior["residual_strength_1"].values
-    assert kept.shape == (1, 400) and 5.0 <= kept.min() <= kept.max() <= 90.0
+    assert kept.shape == (1, 400) and kept.min() > 0.0
     low, high = document.parameters[0].after.interval_95
     assert np.percentile(kept, 2.5) == pytest.approx(low, abs=1e-4)
 

@@ -150,8 +150,11 @@ def test_the_last_bar_is_the_answer(asking):
                 "inversion.sensitivities=false"]  # fmt: skip
     case = inversion_case(load_case(asking(steps, stated=stated), load_config(None, settings)))
     result = BackAnalysis(case, RunStore(None, threads=1)).run()
-    dry, wet, last = result.waterfall.bars
-    assert result.waterfall.stated.value == 10.0 and last.value == result.answer.parameters[0].value
+    dry, wet, last, *small = result.waterfall.bars
+    (strength,) = [p for p in result.answer.parameters if p.name == result.waterfall.parameter]
+    assert result.waterfall.stated.value == 10.0 and last.value == strength.as_run
+    known = result.answer.small_cells.known
+    assert [bar.value for bar in small] == ([strength.value] if known else [])
     assert dry.value > 1.2 * wet.value, "buoyancy and thrust help the slide"
     if case.coarse_spacing_m is None:
         assert wet.value == pytest.approx(last.value, rel=0.03)
