@@ -330,6 +330,7 @@ class BackAnalysis:
         if self.objective.limit or not self.case.parameters.strengths.any():
             return
         self.cells = self.cells_at(self.found.values)
+        self.runs += self.cells.runs
         if not self.cells.known:
             self.say(self.cells.words)
             return

@@ -72,11 +72,15 @@ class SmallCells(StrictDocument):
         None, description="of the runs that it was found with; null: it is not known"
     )
     words: str = Field(description="how it was found, or why not")
+    runs: int = Field(0, description="simulations that this took, kept ones included")
 
     @classmethod
-    def unknown(cls, spacing: float, why: str, log_std: float = UNKNOWN_STD) -> SmallCells:
+    def unknown(
+        cls, spacing: float, why: str, log_std: float = UNKNOWN_STD, runs: int = 0
+    ) -> SmallCells:
         """Nothing is taken off; strengths are less certain."""
-        return cls(log_std=log_std, spacing_m=spacing, words=f"cell size: not known: {why}")
+        words = f"cell size: not known: {why}"
+        return cls(log_std=log_std, spacing_m=spacing, words=words, runs=runs)
 
     @property
     def known(self) -> bool:
@@ -141,7 +145,7 @@ def small_cells(
         values: of its parameters, (p,).
         others: the same at other spacings, in the order in which they are tried.
     """
-    spacing, far = setup.scene.spacing, 0.0
+    spacing, far, before = setup.scene.spacing, 0.0, engine.runs
     why = "no other spacing can be run"
     for other in others:
         there = other.scene.spacing
@@ -158,13 +162,15 @@ def small_cells(
                 spacing_m=spacing,
                 other_spacing_m=there,
                 words=f"cell size: from runs {spacing:g} and {there:g} m apart",
+                runs=engine.runs - before,
             )
         far, apart = max(far, abs(distance)), 100.0 * abs(np.expm1(found.log))
         why = (
             f"runs {spacing:g} and {there:g} m apart differ by {apart:.0f} % in strength, too much "
             "to go on from: a smaller spacing would tell"
         )
-    return SmallCells.unknown(spacing, why, max(UNKNOWN_STD, min(far, MOST_LOG)))
+    doubt = max(UNKNOWN_STD, min(far, MOST_LOG))
+    return SmallCells.unknown(spacing, why, doubt, engine.runs - before)
 
 
 @dataclass(frozen=True)
