@@ -207,7 +207,6 @@ def figures(records: list[Record]) -> Record:
     return {
         "twins": len(records),
         "rows": rows,
-        "runs": float(np.median([one["runs"] for one in records])),
         "runs_to_answer": float(np.median([one["runs_to_answer"] for one in records])),
         "unknown": sum(one["other_spacing"] is None for one in records),
     }
