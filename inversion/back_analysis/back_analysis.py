@@ -91,6 +91,7 @@ class BackAnalysis:
         spread: its uncertainty by the survey's errors.
         engine_name: of the engine that predicts, as in the registry.
         move: from coarse runs to those at the spacing of the answer.
+        coarse_misled: coarse runs have no answer to the question: none are used.
     """
 
     case: Asked
@@ -113,6 +114,7 @@ class BackAnalysis:
     timings: dict[str, float] = field(default_factory=dict)
     runs: int = 0
     move: Move = field(default_factory=Move.none)
+    coarse_misled: bool = False
     engine_name: str = REFERENCE
 
     def __post_init__(self) -> None:
@@ -195,8 +197,10 @@ class BackAnalysis:
 
     @property
     def coarse_spacing_m(self) -> float | None:
-        """Spacing of the coarse runs [m]; None: there are none."""
-        return None if self.described.trained else self.case.coarse_spacing_m
+        """Spacing of the coarse runs [m]; None: there are none, or they are no guide."""
+        if self.described.trained or self.coarse_misled:
+            return None
+        return self.case.coarse_spacing_m
 
     def engine_of_changes(self) -> Forward:
         """The engine that says how a reading of the question changes the answer.
@@ -229,15 +233,27 @@ class BackAnalysis:
     def search(self) -> None:
         """Find the answer from the question's first guess."""
         coarse = self.case.coarsened(self.case.setup) if self.coarse_spacing_m else None
-        if coarse is None:
+        begun = None if coarse is None else self._search_coarse(coarse)
+        if begun is not None and self._rests_on_a_bound(begun):
+            # Such runs may lack what the slide is made of, as where a layer is two cells thick.
+            self.say(
+                f"which rests on a bound: all runs have points every {self.case.spacing_m:g} m"
+            )
+            self.runs, self.coarse_misled, begun = self.runs + begun.runs, True, None
+        if begun is None:
             self.found = self._searched(self.engine, self.case.setup)
         else:
-            self.found = self._search_fine(self._search_coarse(coarse))
+            self.found = self._search_fine(begun)
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
         self._learn_noise(self.found.values)
         self.spread = posterior(self.objective, self._resolved_derivative(), self.found.values)
         self.tell_doubts()
+
+    def _rests_on_a_bound(self, found: SearchResult) -> bool:
+        """A search of something else than a limit of flow ended at a bound, without a fit."""
+        bounds = self.case.parameters.at_bound(found.values)
+        return not self.objective.limit and not found.reached and any(bounds)
 
     def _learn_noise(self, values: np.ndarray) -> None:
         """The noise of a finite difference at the answer."""
