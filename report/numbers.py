@@ -9,6 +9,8 @@ UNITS = {"deg": "°", "kg/m3": "kg/m³", "m2": "m²", "m/s2": "m/s²"}
 """Units as they are written, where that is not as they are stored."""
 LN_RATIO = "ln ratio"
 """Unit of the natural logarithm of a ratio, which is written as the factor."""
+MOST_LOG = math.log(1e4)
+"""Logarithm of the largest factor that is written out."""
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -55,7 +57,7 @@ def unit_of(name: str) -> str:
 def with_unit(value: float | str, unit: str, digits: int = 3) -> str:
     """A number, or one that is text already, and its unit; of a logarithm the factor."""
     if unit == LN_RATIO and not isinstance(value, str):
-        return f"{TIMES} {number(math.exp(value), digits)}"
+        return f"{TIMES} {_factor(value, digits)}"
     text = value if isinstance(value, str) else number(value, digits)
     written = unit_of(unit)
     return f"{text}{'' if written in ('', '°') else ' '}{written}"
@@ -74,8 +76,8 @@ def plus_minus(value: float, std: float, unit: str = "") -> str:
 
 def from_to(low: float, high: float, unit: str = "") -> str:
     """An interval; its unit stands next to the value, and of a logarithm it is one of factors."""
-    ends = (math.exp(low), math.exp(high)) if unit == LN_RATIO else (low, high)
-    return " to ".join(map(number, ends))
+    text = _factor if unit == LN_RATIO else number
+    return " to ".join(text(end) for end in (low, high))
 
 
 def at_least(value: float, std: float, unit: str = "") -> str:
@@ -102,6 +104,13 @@ def plural(count: int, noun: str) -> str:
 def root_mean_square(chi2: float, n: float) -> float:
     """How far a model is from the data, in standard deviations; noise alone gives 1."""
     return math.sqrt(max(chi2, 0.0) / n) if n > 0 else math.nan
+
+
+def _factor(log: float, digits: int = 3) -> str:
+    """The factor of a logarithm; where it could be anything, beyond which it lies."""
+    if abs(log) > MOST_LOG:
+        return f"over {number(math.exp(MOST_LOG), 1)}" if log > 0 else "0"
+    return number(math.exp(log), digits)
 
 
 def _without_sign_of_zero(text: str) -> str:

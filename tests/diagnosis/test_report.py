@@ -32,7 +32,7 @@ from report.diagnosis import (
     write_report,
     write_track,
 )
-from report.numbers import LN_RATIO, chance, from_to, number, plus_minus, with_unit
+from report.numbers import chance, from_to, number, plus_minus, with_unit
 from report.sentences.diagnosis import (
     alarm_sentence,
     answer_sentences,
@@ -421,6 +421,11 @@ def test_a_base_model_on_a_bound_says_what_that_means(tmp_path):
 )
 def test_numbers_are_short(value, text):
     assert number(value) == text
+
+
+def test_a_logarithm_is_told_as_a_factor_also_where_it_could_be_any():
+    assert with_unit(0.5, "ln ratio") == "× 1.65" and with_unit(1e5, "ln ratio") == "× over 10000"
+    assert from_to(-1e5, 1e5, "ln ratio") == "0 to over 10000"
 
 
 def test_chances_and_spreads_are_short():
