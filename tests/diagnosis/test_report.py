@@ -32,7 +32,7 @@ from report.diagnosis import (
     write_report,
     write_track,
 )
-from report.numbers import chance, from_to, number, plus_minus, with_unit
+from report.numbers import LN_RATIO, chance, from_to, number, plus_minus, with_unit
 from report.sentences.diagnosis import (
     alarm_sentence,
     answer_sentences,
