@@ -59,7 +59,7 @@ from inversion.engines.run_store import Store
 from inversion.engines.small_cells import SmallCells, cells_by, factors_of
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.engines.workers import Job
-from inversion.estimation.calibrate import calibrate, further_starts, refine
+from inversion.estimation.calibrate import calibrate, far_off, further_starts, refine
 from inversion.estimation.derivatives import FiniteSteps, measured_noise
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, Posterior, moved_by_noise, posterior
@@ -244,11 +244,22 @@ class BackAnalysis:
             self.found = self._searched(self.engine, self.case.setup)
         else:
             self.found = self._search_fine(begun)
+            toes_alone = self.objective.loss == "runout" and not self.objective.limit
+            if toes_alone and far_off(self.objective, self.found.best):
+                self._search_without_coarse()
         self.runs += self.found.runs
         self.say(f"answer after {self.found.runs} simulations: {self.found.words}")
         self._learn_noise(self.found.values)
         self.spread = posterior(self.objective, self._resolved_derivative(), self.found.values)
         self.tell_doubts()
+
+    def _search_without_coarse(self) -> None:
+        """Search again where coarse runs have led away from a fit; the better of both is kept."""
+        self.say(f"far from a fit: once more, by runs with points every {self.case.spacing_m:g} m")
+        again = self._searched(self.engine, self.case.setup)
+        self.runs += again.runs
+        if again.best.loss < self.found.best.loss:
+            self.found, self.coarse_misled = again, True
 
     def _rests_on_a_bound(self, found: SearchResult) -> bool:
         """A search of something else than a limit of flow ended at a bound, without a fit."""

@@ -29,6 +29,7 @@ from inversion.estimation.flow_limit import flow_limit
 from inversion.estimation.forward import Forward
 from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
 from inversion.estimation.lbfgsb import lbfgsb
+from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Evaluation, Linearised, Search, SearchResult
 from inversion.estimation.unknowns import Parameters
 from pipeline.cli import WorkFailed
@@ -83,7 +84,7 @@ def calibrate(search: Search, start: np.ndarray, *, method: Method, least_m: flo
     else:
         search.measure_noise(first, start)
     found = _searched(search, first, method)
-    if _far_off(search, found.best) and search.runs < search.max_runs:
+    if far_off(search.objective, found.best) and search.runs < search.max_runs:
         better = look_around(search, search.objective.parameters.start, found.best)
         if better is not None:
             search.start_again()
@@ -148,9 +149,8 @@ def _polished(search: Search, found: SearchResult, engine: Forward) -> SearchRes
     return replace(found, best=evaluation, runs=search.runs, words=f"{found.words}, smoothed")
 
 
-def _far_off(search: Search, evaluation: Evaluation) -> bool:
+def far_off(objective: Objective, evaluation: Evaluation) -> bool:
     """The fit is worse than the survey's errors explain: chance does so once in 30,000 times."""
-    objective = search.objective
     if not np.isfinite(evaluation.loss):
         return True
     if objective.loss == "runout":
