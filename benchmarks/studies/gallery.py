@@ -20,7 +20,8 @@ from typing import Any
 from benchmarks.generated_pages import ROOT, renew, table
 from flowslide import back_analyse
 from geometry.case import load_case
-from geometry.scenes.drawings import read_section
+from geometry.scenes.drawings import read_section, section_scene
+from geometry.scenes.scene import Scene
 from geometry.sides import Side
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.run_store import RunStore
@@ -30,11 +31,13 @@ from inversion.prediction.prediction_case import prediction_case
 from pipeline.config import load_config
 from pipeline.files import read_json, read_text, write_json, write_text
 from pipeline.random_numbers import number_of
+from report.pictures.scene import save_gallery
 
 DRAWINGS = ROOT / "docs/examples/gallery"
 FOLDER = ROOT / "results/benchmarks/gallery"
 RECORD = Path(__file__).with_suffix(".json")
 PAGE = ROOT / "docs/how-to/gallery.md"
+PICTURE = ROOT / "docs/images/gallery.png"
 #: Distance of the points of the question [m]: four of them or more in what has liquefied.
 SPACINGS = {
     "embankment_on_foundation": 0.5, "hydraulic_fill_with_core": 1.0, "levee_thin_sand": 0.375,
@@ -121,8 +124,16 @@ def solved(name: str) -> Record:
     return record
 
 
+def drawn(name: str) -> Scene:
+    """The section of a drawing."""
+    section = read_section(DRAWINGS / f"{name}.csv")
+    unit, spacing = unit_of(name), SPACINGS[name]
+    return section_scene(section, source=f"{name}.csv", name=name, unit=unit, spacing=spacing)
+
+
 def page(records: dict[str, Record]) -> None:
-    """Renew the table on the page."""
+    """Renew the table on the page, and its picture."""
+    save_gallery([drawn(name) for name in records], PICTURE, columns=3)
     rows = []
     for name, one in records.items():
         stability = next((c for c in one["checks"] if c["name"] == "stability"), None)
