@@ -234,12 +234,6 @@ class BackAnalysis:
         """Find the answer from the question's first guess."""
         coarse = self.case.coarsened(self.case.setup) if self.coarse_spacing_m else None
         begun = None if coarse is None else self._search_coarse(coarse)
-        if begun is not None and self._rests_on_a_bound(begun):
-            # Such runs may lack what the slide is made of, as where a layer is two cells thick.
-            self.say(
-                f"which rests on a bound: all runs have points every {self.case.spacing_m:g} m"
-            )
-            self.runs, self.coarse_misled, begun = self.runs + begun.runs, True, None
         if begun is None:
             self.found = self._searched(self.engine, self.case.setup)
         else:
@@ -284,11 +278,24 @@ class BackAnalysis:
         start, method = self.case.parameters.start, self.case.config.inversion.method
         return calibrate(search, start, method=method, least_m=setup.least_move_m)
 
-    def _search_coarse(self, setup: Setup) -> SearchResult:
-        """The same by coarse runs alone."""
-        found = self._searched(self.engine_of(), setup)
-        self.say(f"at {self.coarse_spacing_m:g} m: {self._described(found)}")
-        return found
+    def _search_coarse(self, setup: Setup) -> SearchResult | None:
+        """The same by coarse runs alone; None: they have no answer, and are no guide.
+
+        They may lack what the slide is made of, as where a layer is two cells thick.
+        """
+        engine, spacing = self.engine_of(), self.coarse_spacing_m
+        try:
+            found = self._searched(engine, setup)
+            why = "which rests on a bound" if self._rests_on_a_bound(found) else ""
+            self.say(f"at {spacing:g} m: {self._described(found)}")
+        except WorkFailed as error:
+            why = f"at {spacing:g} m: {error}"
+        if not why:
+            return found
+        self.say(f"{why}: all runs have points every {self.case.spacing_m:g} m")
+        self._count(engine)
+        self.coarse_misled = True
+        return None
 
     def _search_fine(self, coarse: SearchResult) -> SearchResult:
         """Go on from the answer of coarse runs, with the derivative that is known there."""

@@ -12,10 +12,12 @@ from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.changed_answers import Here, Solved, largest
 from inversion.back_analysis.perturbed_answers import Problem
+from inversion.engines import registry
 from inversion.engines.run_store import RunStore
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.estimation.calibrate import calibrate, refine
 from inversion.estimation.derivatives import FiniteSteps
+from inversion.estimation.forward import Forward, Prediction
 from inversion.estimation.search import Search
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import TimeStep
@@ -125,6 +127,68 @@ def test_where_there_is_no_coarse_spacing_everything_is_at_one(lsfd):
     assert case("inversion.coarse_factor=2").coarse_spacing_m is None  # a zone is too thin
     of_its_own = replace(found.setup, scene=found.setup.scene.changed(spacing=3.0))
     assert found.coarsened(of_its_own) is None
+
+
+class Blind(Forward):
+    """A toe of 53 m at 18 kPa, which runs with points 4 m apart see; coarser ones see another."""
+
+    coarse_toe = staticmethod(lambda kpa: 40.0 - 4.0 * np.log(kpa))
+
+    def predict(self, requests):
+        self.runs += len(requests)
+        return [self._one(request) for request in requests]
+
+    def _one(self, request) -> Prediction:
+        kpa, spacing = request.values[0], request.setup.scene.spacing
+        toe = 53.0 - 60.0 * np.log(kpa / 18.0) if spacing <= 4.0 else self.coarse_toe(kpa)
+        stress = np.full(len(request.values), 100.0)
+        values = np.full(len(request.setup.targets.names), toe)
+        before = np.zeros(len(values))
+        return Prediction(values, before, sigma_v0_kpa=stress, sigma_v0_std_kpa=0.0 * stress,
+                          spacing_m=spacing)  # fmt: skip
+
+
+class Still(Blind):
+    """Coarse runs in which nothing moves."""
+
+    coarse_toe = staticmethod(lambda kpa: 0.0)
+
+
+class Misled(Blind):
+    """Coarse runs that fit where fine ones go the other way with the strength."""
+
+    coarse_toe = staticmethod(lambda kpa: 53.0 - 60.0 * np.log(kpa / 5.6))
+
+    def _one(self, request) -> Prediction:
+        found = super()._one(request)
+        fine = request.setup.scene.spacing <= 4.0
+        toe = 20.0 + request.values[0] if request.values[0] < 9.0 else found.values[0]
+        return replace(found, values=np.full(len(found.values), toe)) if fine else found
+
+
+@pytest.mark.parametrize(
+    ("engine", "words"),
+    [(Blind, "rests on a bound"), (Still, "nothing moves"), (Misled, "far from a fit")],
+)
+def test_coarse_runs_that_are_no_guide_are_given_up(lsfd, monkeypatch, engine, words):
+    monkeypatch.setattr(registry, "_engines", dict(registry.engines()))
+    registry.register_engine(
+        registry.Engine(
+            "blind", "blind", "a formula", "blind", "inversion_blind", lambda s: engine()
+        )
+    )
+    settings = [
+        "inversion.coarse_factor=1.25", "inversion.coarse_points=50", "inversion.starts=1",
+        "inversion.noise_seeds=0", "inversion.variants=false", "inversion.sensitivities=false",
+    ]  # fmt: skip
+    case = inversion_case(load_case(lsfd, load_config(None, settings)))
+    said: list[str] = []
+    analysis = BackAnalysis(case, RunStore(None), said.append, engine_name="blind")
+    assert analysis.coarse_spacing_m == 5.0
+    analysis.search()
+    assert any(words in line for line in said), said
+    assert analysis.coarse_spacing_m is None and analysis.found.reached
+    assert analysis.found.values[0] == pytest.approx(18.0, rel=0.02)
 
 
 @pytest.fixture(scope="module")
