@@ -12,7 +12,7 @@ from typing import Any
 from report.charts.from_blow_counts import draw_quantities
 from report.numbers import fixed, span
 from report.page import Section, said, shown, tabulated, write_page
-from report.prediction import cells_of
+from report.sentences.small_cells import cells_of
 from report.table import Table, plain
 
 PAGE = "from_blow_counts.html"

@@ -15,12 +15,11 @@ from matplotlib.axes import Axes
 
 from geometry.scenes.scene import Scene
 from inversion.engines.registry import REFERENCE, engine_named
-from inversion.engines.small_cells import SmallCells
 from inversion.prediction.prediction_document import QUANTILES
 from report.numbers import fixed
 from report.page import Section, said, shown, tabulated, write_page
 from report.pictures.scene import draw_section
-from report.sentences.small_cells import cells_words
+from report.sentences.small_cells import cells_of
 from report.style import LINE, labels, new_figure, panel, save_figure, tidy
 from report.table import Table
 
@@ -79,12 +78,6 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
     lead = f"Assumed S_r: {strength_words(document)}{_by(document)}."
     write_page(folder / PAGE, title, [Section("How far it would run", parts)], lead=lead)
     return folder / PAGE
-
-
-def cells_of(document: dict[str, Any]) -> list[str]:
-    """What the cells make of its strengths, where it says so."""
-    cells = document.get("small_cells")
-    return [cells_words(SmallCells.model_validate(cells))] if cells else []
 
 
 def _by(document: dict[str, Any]) -> str:

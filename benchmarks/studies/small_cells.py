@@ -43,6 +43,7 @@ SEED, TWINS = 42_600, 60
 #: Heights [m]; crest and slopes over the height; density [kg/m3]; S_r over rho g H; with a pool.
 HEIGHTS, CREST, SLOPE, DENSITY = (8.0, 29.0), (0.2, 1.0), (1.5, 3.0), (1700.0, 2100.0)
 RESIDUAL, POOL_SHARE = (0.03, 0.12), 0.25
+LIQUEFIED = "liquefied"
 #: Points of the slide and of the back-analysis in a height; jitter of the slide's.
 FINE, ASKED, JITTER = 60.0, 20.0, 0.5
 #: Standard deviation of the survey over the runout; least and largest runout, and least change of
@@ -52,8 +53,8 @@ SURVEY, RUNOUT, LEAST_EFFECT, STRONGER = 0.05, (0.3, 2.5), 0.1, 1.3
 Record = dict[str, Any]
 
 
-def drawn(stream: Stream) -> tuple[Scene, list[str], float]:
-    """A dam with points H/20 apart, its liquefied zones and their S_r [kPa]."""
+def drawn(stream: Stream) -> tuple[Scene, float]:
+    """A dam with points H/20 apart, and S_r of its zone `LIQUEFIED` [kPa]."""
     height = stream.uniform(*HEIGHTS)
     crest, left, right = (stream.uniform(*ends) * height for ends in (CREST, SLOPE, SLOPE))
     outer = [(0.0, 0.0), (left, height), (left + crest, height), (left + crest + right, 0.0)]
@@ -68,7 +69,7 @@ def drawn(stream: Stream) -> tuple[Scene, list[str], float]:
     density = stream.uniform(*DENSITY)
     strength = stream.uniform(*RESIDUAL) * density * 9.81e-3 * height
     soils = {
-        "liquefied": {"cohesion_kpa": round(strength, 3), "friction_deg": 0.0, "liquefied": True},
+        LIQUEFIED: {"cohesion_kpa": round(strength, 3), "friction_deg": 0.0, "liquefied": True},
         "fill": {"cohesion_kpa": 5.0, "friction_deg": round(stream.uniform(30.0, 38.0), 1)},
     }
     common = {"density": round(density), "youngs_modulus_mpa": 20.0, "poisson_ratio": 0.3}
@@ -79,18 +80,18 @@ def drawn(stream: Stream) -> tuple[Scene, list[str], float]:
         "ground": {"points": [(-room, 0.0), (outer[3][0] + room, 0.0)], "contact": "rough"},
         "zones": [
             {"name": name, "polygon": polygon, "material": name}
-            for name, polygon in (("liquefied", liquefied), ("fill", rest))
+            for name, polygon in ((LIQUEFIED, liquefied), ("fill", rest))
         ],
         "materials": {name: {**common, **soil} for name, soil in soils.items()},
         "spacing": round(height / ASKED, 4),
     }
     if stream.unit() < POOL_SHARE:
         document["water_level"] = round(stream.uniform(0.3, 0.8) * height, 2)
-    return scene_from_mapping(document, "a twin"), ["liquefied"], strength
+    return scene_from_mapping(document, "a twin"), strength
 
 
-def truth_of(number: int, store: RunStore) -> tuple[Scene, list[str], float, Side, float]:
-    """A dam at the spacing of the question, its liquefied zones, S_r [kPa], side and runout [m].
+def truth_of(number: int, store: RunStore) -> tuple[Scene, float, Side, float]:
+    """A dam at the spacing of the question, S_r [kPa], side and runout [m] of its slide.
 
     Raises:
         InputError: no dam in a hundred makes a question.
@@ -98,14 +99,12 @@ def truth_of(number: int, store: RunStore) -> tuple[Scene, list[str], float, Sid
     settings = load_config(None).simulation
     for attempt in range(100):
         stream = Stream(SEED, number, attempt)
-        asked, zones, strength = drawn(stream)
+        asked, strength = drawn(stream)
         height = height_of(asked)
         fine = asked.changed(
             spacing=round(height / FINE, 4), jitter=JITTER, seed=stream.seed() % 2**31
         )
-        stronger = with_properties(
-            asked, [(zone, "cohesion_kpa", STRONGER * strength) for zone in zones]
-        )
+        stronger = with_properties(asked, [(LIQUEFIED, "cohesion_kpa", STRONGER * strength)])
         runs = store.fetch([(scene, settings) for scene in (asked, stronger)])
         if any(run.status == "failed" or not run.at_rest for run in runs):
             continue
@@ -117,20 +116,20 @@ def truth_of(number: int, store: RunStore) -> tuple[Scene, list[str], float, Sid
             (slide,) = store.fetch([(fine, settings)])
             if slide.status == "failed" or not slide.at_rest:
                 break
-            return asked, zones, strength, side, runout(fine, slide, side)
+            return asked, strength, side, runout(fine, slide, side)
     raise InputError(f"twin {number}: no dam makes a question")
 
 
 def write_case(folder: Path, number: int, twins: int, store: RunStore) -> Record:
     """The case folder of a twin; what is true of it."""
-    scene, zones, strength, side, far = truth_of(number, store)
+    scene, strength, side, far = truth_of(number, store)
     order = np.random.default_rng(SEED).permutation(twins)
     error = float(ndtri((order[number] + 0.5) / twins))
     toe = far * (1.0 + SURVEY * error)
     first = 0.06 * 2000.0 * 9.81e-3 * height_of(scene)
     folder.mkdir(parents=True, exist_ok=True)
     save_scene(
-        with_properties(scene, [(zone, "cohesion_kpa", first) for zone in zones]),
+        with_properties(scene, [(LIQUEFIED, "cohesion_kpa", first)]),
         folder / "scene.yaml",
     )
     entry = {
@@ -143,7 +142,7 @@ def write_case(folder: Path, number: int, twins: int, store: RunStore) -> Record
         "sets": {"survey": [entry]},
     }  # fmt: skip
     unknown = {
-        "name": "residual_strength", "zones": zones, "property": "residual_strength_kpa",
+        "name": "residual_strength", "zones": [LIQUEFIED], "property": "residual_strength_kpa",
         "start": first, "low": first / 20.0, "high": 20.0 * first,
     }  # fmt: skip
     for name, document in (("measurements", measured), ("inversion", {"parameters": [unknown]})):

@@ -56,7 +56,7 @@ from inversion.back_analysis.result_builder import compared_relations
 from inversion.classical.slices import WaterForm
 from inversion.engines.registry import REFERENCE, Engine, engine_named
 from inversion.engines.run_store import Store
-from inversion.engines.small_cells import SmallCells, cells_by, factors_of
+from inversion.engines.small_cells import SmallCells, cells_by
 from inversion.engines.two_spacings import KnownDerivative, Move, Moved
 from inversion.engines.workers import Job
 from inversion.estimation.calibrate import calibrate, far_off, further_starts, refine
@@ -175,7 +175,7 @@ class BackAnalysis:
         changes = len(question.sensitivities)
         return {
             "answer": settings.step_seeds + 5 * evaluation,
-            "cells": 5,
+            "cells": 7,
             "starts": (settings.starts - 1) * 4 * evaluation,
             "equally good": 4 * evaluation if evaluation > 2 else 0,
             "seeds": 2 * settings.noise_seeds,
@@ -368,19 +368,28 @@ class BackAnalysis:
         if not self.cells.known:
             self.say(self.cells.words)
             return
-        factors = factors_of(self.cells, self.case.parameters)
+        parameters = self.case.parameters
+        factors = self.cells.factors(parameters)
         listed = ", ".join(
-            f"{name} {factors[name] * value:.4g}"
-            for name, value in self.case.parameters.as_mapping(self.found.values).items()
-            if factors[name] != 1.0
+            f"{name} {factor * value:.4g}"
+            for name, factor, value in zip(
+                parameters.names, factors, self.found.values, strict=True
+            )
+            if factor != 1.0
         )
         self.say(f"{self.cells.words}: in small cells {listed}")
 
     def cells_at(self, values: np.ndarray) -> SmallCells:
         """What the cells make of the strengths among values (p,)."""
-        setup = self.case.setup
-        others = self.case.other_cells(setup)
-        return cells_by(self.described, self.store, setup, values, others)
+        setup, engine = self.case.setup, self.engine_of_cells()
+        if engine is None:
+            why = f"{self.described.description} has none of its own"
+            return SmallCells.unknown(self.case.spacing_m, why)
+        return cells_by(engine, self.store, setup, values, self.case.other_cells(setup))
+
+    def engine_of_cells(self) -> Engine | None:
+        """The engine whose cells are in the answer; None: it has none."""
+        return self.described
 
     def search_from_elsewhere(self) -> None:
         """Ask again from other first guesses; the answer should not depend on them."""
@@ -419,10 +428,8 @@ class BackAnalysis:
         form: WaterForm = "pore_pressure" if setup.settings.water == "pore_pressure" else "buoyant"
         for side in sides:
             try:
-                factor = 1.0 if self.cells is None else self.cells.factor
-                strengths = self.case.parameters.strengths
-                values = np.where(strengths, factor * self.found.values, self.found.values)
-                scene = setup.scene_at(values)
+                factors = 1.0 if self.cells is None else self.cells.factors(self.case.parameters)
+                scene = setup.scene_at(factors * self.found.values)
                 self.hand_checks.append(stability_check(scene, side, form))
             except WorkFailed as error:
                 self.remark(f"factor of safety of the section before, to the {side}: {error}")

@@ -14,11 +14,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from inversion.back_analysis.result import Answer, ParameterAnswer, Result, WaterfallBar
-from inversion.engines.small_cells import SmallCells, factors_of
+from inversion.engines.small_cells import NAME, SmallCells
 from inversion.estimation.unknowns import Parameters
 
-#: Of the cells among the sources of uncertainty, and of the last bar of a waterfall.
-SOURCE, BAR = "cell size", "small cells"
+#: Name of the last bar of a waterfall.
+BAR = "small cells"
 
 Document = TypeVar("Document", bound=BaseModel)
 
@@ -32,7 +32,7 @@ def told(result: Result, cells: SmallCells, parameters: Parameters) -> Result:
         parameters: of the question.
     """
     shares = _known_by_data(result.answer)
-    factors = factors_of(cells, parameters, shares)
+    factors = parameters.as_mapping(cells.factors(parameters, shares))
     answer = _answer(result.answer, parameters, cells, factors, shares)
     waterfall = result.waterfall
     if waterfall is not None and cells.known and factors[waterfall.parameter] != 1.0:
@@ -77,17 +77,17 @@ def told_values(values: Mapping[str, float], answer: Answer) -> dict[str, float]
     return {name: value * by[name] for name, value in values.items()}
 
 
-def _known_by_data(answer: Answer) -> dict[str, float]:
-    """Share of each prior's variance that the data take off; 1 without a prior.
+def _known_by_data(answer: Answer) -> np.ndarray:
+    """Share of each prior's variance that the data take off, (p,); 1 without a prior.
 
     A prior is of the soil and not of the runs, so what it says the cells do not change.
     """
-    return {
-        p.name: float(np.clip(1.0 - (p.std_data / p.prior_std) ** 2, 0.0, 1.0))
-        if p.has_prior
-        else 1.0
-        for p in answer.parameters
-    }
+    return np.array(
+        [
+            np.clip(1.0 - (p.std_data / p.prior_std) ** 2, 0.0, 1.0) if p.has_prior else 1.0
+            for p in answer.parameters
+        ]
+    )
 
 
 def _answer(
@@ -95,14 +95,14 @@ def _answer(
     parameters: Parameters,
     cells: SmallCells,
     factors: Mapping[str, float],
-    shares: Mapping[str, float],
+    shares: np.ndarray,
 ) -> Answer:
     per = {name: 1.0 / factor for name, factor in factors.items()}
     return answer.model_copy(
         update={
             "small_cells": cells,
             "parameters": [
-                _parameter(p, factors[p.name], shares[p.name] * cells.log_std)
+                _parameter(p, factors[p.name], float(shares[place]) * cells.log_std)
                 if parameters.strengths[place]
                 else p
                 for place, p in enumerate(answer.parameters)
@@ -132,7 +132,7 @@ def _parameter(p: ParameterAnswer, factor: float, log_std: float) -> ParameterAn
             "value_of_run": p.value,
             "std_by_source": {
                 **{name: factor * std for name, std in p.std_by_source.items()},
-                SOURCE: own,
+                NAME: own,
             },
             "std_total": total,
             "interval_95": ends if bound is None else p.interval_95,

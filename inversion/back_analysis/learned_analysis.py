@@ -26,8 +26,7 @@ from inversion.engines.model_error import (
     states_around,
     with_error,
 )
-from inversion.engines.registry import REFERENCE, engine_named
-from inversion.engines.small_cells import SmallCells, cells_by
+from inversion.engines.registry import REFERENCE, Engine, engine_named
 from inversion.engines.workers import Job
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, posterior
@@ -71,14 +70,9 @@ class LearnedAnalysis(BackAnalysis):
             return engine
         return Corrected(engine, dict(zip(self.pairs.names, self.pairs.correction, strict=True)))
 
-    def cells_at(self, values: np.ndarray) -> SmallCells:
-        """Those of the solver, where its runs have corrected the answer."""
-        if self.pairs is None:
-            spacing = self.case.spacing_m
-            return SmallCells.unknown(spacing, f"{self.described.description} has none of its own")
-        setup = self.case.setup
-        others = self.case.other_cells(setup)
-        return cells_by(engine_named(REFERENCE), self.store, setup, values, others)
+    def engine_of_cells(self) -> Engine | None:
+        """The solver, where its runs have corrected the answer."""
+        return None if self.pairs is None else engine_named(REFERENCE)
 
     def objective_of(self, setup: Setup) -> Objective:
         """With the engine's error in the covariance as soon as it is known."""

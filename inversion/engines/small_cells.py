@@ -13,7 +13,7 @@ the law does not hold between them, nothing is taken off and the strength is les
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import TypeVar
@@ -36,6 +36,9 @@ from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 
 AnySetup = TypeVar("AnySetup", bound=Setup)
+
+NAME = "cell size"
+"""Of the cells among the sources of uncertainty, and where a line is of them."""
 
 #: Power of the cell with which strengths approach their limit, of 60 random dams.
 ORDER = 1.45
@@ -79,13 +82,23 @@ class SmallCells(StrictDocument):
         cls, spacing: float, why: str, log_std: float = UNKNOWN_STD, runs: int = 0
     ) -> SmallCells:
         """Nothing is taken off; strengths are less certain."""
-        words = f"cell size: not known: {why}"
+        words = f"{NAME}: not known: {why}"
         return cls(log_std=log_std, spacing_m=spacing, words=words, runs=runs)
 
     @property
     def known(self) -> bool:
         """Two spacings have told the factor."""
         return self.other_spacing_m is not None
+
+    def factors(self, parameters: Parameters, shares: np.ndarray | float = 1.0) -> np.ndarray:
+        """Values in small cells over those of runs, (p,); 1 where they are no strength.
+
+        Args:
+            parameters: p of them.
+            shares: of each prior's variance that the data take off, (p,): what a prior says of a
+                strength, the cells do not change.
+        """
+        return np.where(parameters.strengths, self.factor**shares, 1.0)
 
 
 def other_spacings(
@@ -161,7 +174,7 @@ def small_cells(
                 log_std=float(np.hypot(SHARE_STD * distance, max(noise, NOISE_STD))),
                 spacing_m=spacing,
                 other_spacing_m=there,
-                words=f"cell size: from runs {spacing:g} and {there:g} m apart",
+                words=f"{NAME}: from runs {spacing:g} and {there:g} m apart",
                 runs=engine.runs - before,
             )
         far, apart = max(far, abs(distance)), 100.0 * abs(np.expm1(found.log))
@@ -225,25 +238,6 @@ def same_slide(engine: Forward, setup: Setup, values: np.ndarray, other: Setup) 
     return SameSlide(where, scatter * float(np.sqrt(1.0 / len(logs) + ratio**2)))
 
 
-def factors_of(
-    cells: SmallCells, parameters: Parameters, known_by_data: Mapping[str, float] | None = None
-) -> dict[str, float]:
-    """Strength in small cells over that of runs, by name; 1: no strength.
-
-    Args:
-        cells: of the runs.
-        parameters: p of them.
-        known_by_data: share of the prior's variance that the data take off, by name: what a prior
-            says of a strength, the cells do not change. None: there are no priors.
-    """
-    shares = {name: 1.0 for name in parameters.names}
-    shares.update(known_by_data or {})
-    return {
-        name: float(cells.factor ** shares[name]) if strength else 1.0
-        for name, strength in zip(parameters.names, parameters.strengths, strict=True)
-    }
-
-
 @dataclass
 class InSmallCells(WrappedEngine):
     """An engine that is asked for strengths in small cells, and runs those that its cells need.
@@ -266,5 +260,4 @@ class InSmallCells(WrappedEngine):
 
     def _ran(self, request: Request) -> Request:
         setup = request.setup
-        factor = np.where(setup.parameters.strengths, self.cells.factor, 1.0)
-        return setup.at(request.values / factor)
+        return setup.at(request.values / self.cells.factors(setup.parameters))

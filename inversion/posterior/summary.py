@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from inversion import PHYSICS_VERSION
+from inversion.engines.small_cells import NAME as CELLS
 from inversion.posterior.document import (
     FILE_NAME,
     Evidence,
@@ -48,8 +49,6 @@ COMPONENTS = 3
 #: Standard deviations of the prior between the means of prior and posterior: three are chance
 #: once in 370 parameters.
 DISAGREE = 3.0
-#: The cells among what moves a strength.
-CELLS = "cell size"
 
 
 def save_all(found: Inferred[CaseModel], folder: Path) -> PosteriorDocument:

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from inversion.back_analysis.in_small_cells import SOURCE as CELLS
 from inversion.back_analysis.result import ParameterAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
+from inversion.engines.small_cells import NAME as CELLS
 from pipeline.ties import largest_place, ranked
 from report import style
 from report.data.back_analysis import BackAnalysisData

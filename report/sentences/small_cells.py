@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from inversion.engines.small_cells import SmallCells
 
 
@@ -17,3 +19,9 @@ def cells_words(cells: SmallCells) -> str:
         f"the runs take, from runs with points {cells.spacing_m:g} and "
         f"{cells.other_spacing_m:g} m apart."
     )
+
+
+def cells_of(document: dict[str, Any]) -> list[str]:
+    """The same of a prediction; empty: it does not say."""
+    cells = document.get("small_cells")
+    return [cells_words(SmallCells.model_validate(cells))] if cells else []

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from inversion.back_analysis.in_small_cells import SOURCE as CELLS
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
+from inversion.engines.small_cells import NAME as CELLS
 from pipeline.ties import largest_place
 from report.data.back_analysis import BackAnalysisData, Series
 from report.data.methods import slides

@@ -16,7 +16,6 @@ from inversion.engines.small_cells import (
     UNKNOWN_STD,
     InSmallCells,
     SmallCells,
-    factors_of,
     same_slide,
     small_cells,
 )
@@ -138,7 +137,7 @@ def test_an_engine_in_small_cells_runs_what_its_cells_need():
 
 def test_a_prior_is_of_the_soil_and_not_of_the_runs():
     cells = SmallCells(factor=1.21, log_std=0.1, spacing_m=1.0, other_spacing_m=2.0, words="")
-    assert factors_of(cells, PARAMETERS) == {"a": pytest.approx(1.21), "b": 1.0}
-    half = factors_of(cells, PARAMETERS, {"a": 0.5, "b": 0.5})
-    assert half == {"a": pytest.approx(1.1), "b": 1.0}
-    assert factors_of(cells, PARAMETERS, {"a": 0.0, "b": 1.0})["a"] == 1.0
+    assert cells.factors(PARAMETERS).tolist() == [pytest.approx(1.21), 1.0]
+    half = cells.factors(PARAMETERS, np.array([0.5, 0.5]))
+    assert half.tolist() == [pytest.approx(1.1), 1.0]
+    assert cells.factors(PARAMETERS, np.array([0.0, 1.0])).tolist() == [1.0, 1.0]

@@ -13,19 +13,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS
 
 pytestmark = NEEDS_CHROMIUM
 IDLE = "() => document.querySelector('#status').textContent.includes('answered in')"
-
-
-@pytest.fixture
-def page(address, browser):
-    found = watched(browser, width=1380, height=860)
-    found.goto(address)
-    expect(found.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
-    yield found
-    assert not found.errors
 
 
 def focused(page: Page) -> str:

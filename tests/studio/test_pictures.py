@@ -12,18 +12,9 @@ import pytest
 from playwright.sync_api import expect
 
 from geometry.scenes.drawings import read_section
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS
 
 pytestmark = NEEDS_CHROMIUM
-
-
-@pytest.fixture
-def page(address, browser):
-    found = watched(browser, width=1380, height=860)
-    found.goto(address)
-    expect(found.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
-    yield found
-    assert not found.errors
 
 
 def saved(page, kind):
