@@ -82,7 +82,7 @@ def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(addre
     page = watched(browser, height=860)
     page.goto(address)
     _answered(page, 1)
-    page.get_by_label("Spacing of points").select_option("2 m")
+    page.get_by_label("Spacing of points").select_option("1 m")
     page.get_by_role("button", name="Quick").click()
     job = page.locator("#jobs li").first
     expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
@@ -104,7 +104,7 @@ def test_an_answer_shows_its_search_and_a_prediction_asks_for_its_strength(addre
     picture(page, "predict")
     dialog.get_by_role("button", name="Predict").click()
     job = page.locator("#jobs li").first
-    expect(job).to_contain_text("prediction: small at 2 m", timeout=WAIT_MS)
+    expect(job).to_contain_text("prediction: small at 1 m", timeout=WAIT_MS)
     expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
     expect(job.locator(".found")).to_contain_text("toe: ")
     job.get_by_role("button", name="Open the report").click()

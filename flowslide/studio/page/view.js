@@ -63,15 +63,16 @@ export class View {
 
   /** Place [m] of a pointer. */
   at(event) {
-    const { left, bottom } = this.canvas.getBoundingClientRect();
+    const { left, top } = this.canvas.getBoundingClientRect();
     const [x, y, scale] = this.box;
-    return [x + (event.clientX - left) * scale, y + (bottom - event.clientY) * this.up];
+    // `tall`: as the sheet was painted, which the canvas is not yet where the window has just changed.
+    return [x + (event.clientX - left) * scale, y + (top + this.tall - event.clientY) * this.up];
   }
 
   /** Place in the canvas [pixels] of a place [m]. */
   pixel([x, y]) {
     const [left, bottom, scale] = this.box;
-    return [(x - left) / scale, this.canvas.clientHeight - (y - bottom) / this.up];
+    return [(x - left) / scale, this.tall - (y - bottom) / this.up];
   }
 
   /** The whole section and its deposit in the window. */
@@ -82,6 +83,7 @@ export class View {
     const scale = Math.max((right - left) / (width - 90), (this.rise * (high - low)) / (height - 70));
     const x = 0.5 * (left + right) - 0.5 * scale * width - 5 * scale;
     this.box = [x, 0.5 * (low + high) - (0.5 * height + 8) * (scale / this.rise), scale];
+    this.tall = height;
     this.isFitted = true;
   }
 
@@ -136,8 +138,8 @@ export class View {
     event.preventDefault();
     if (!this.box) return;
     const factor = Math.exp(event.deltaY * 0.0015);
-    const { left, bottom } = this.canvas.getBoundingClientRect();
-    this.scaleAt(event.clientX - left, bottom - event.clientY, factor);
+    const { left, top } = this.canvas.getBoundingClientRect();
+    this.scaleAt(event.clientX - left, top + this.tall - event.clientY, factor);
   }
 
   scaleAt(px, py, factor) {
