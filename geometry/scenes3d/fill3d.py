@@ -1,7 +1,14 @@
-"""Filling the soil between two rasters with points on a regular lattice."""
+"""Filling the soil between two rasters with points that hold all of it.
+
+Points stand in columns, a spacing apart in plan. In each column the soil of a zone is cut into as
+many equal slices as come nearest to one spacing, and each slice is a point with the volume of the
+slice. A lattice of points with one volume gains or loses up to half a spacing of every level
+surface: on a tailings dam of 290,000 m3 up to 5 %, and its runout with it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +16,14 @@ import numpy as np
 from geometry.scenes.fill import BORDER_SHIFT, contains
 from geometry.scenes3d.scene3d import Scene3d, plan_domain
 from pipeline.cli import InputError
+
+#: Places across a column, each way, at which the thickness of its soil is read: of the points, and
+#: of the volume that they are compared with.
+PARTS, FINER_PARTS = 8, 11
+#: Slices of less than this share of a full point's volume are left out.
+LEAST = 0.01
+#: Places that are read at once.
+BATCH = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -21,61 +36,133 @@ class Points3d:
     material: np.ndarray  # (N,) int32, place in the scene's materials
 
 
-def fill_terrain(scene: Scene3d) -> Points3d:
-    """Fill the zones of a terrain; points lie at (i + 1/2) spacing from the domain's lower corner.
+@dataclass(frozen=True)
+class _Piece:
+    """Soil of one zone in columns, n of them.
 
-    A point lies in the first zone whose plan holds it and whose bottom and top it lies between,
-    above the base and below the surface.
+    Attributes:
+        zone: place in the scene's zones.
+        plan: its middle in plan, (n, 2) [m].
+        middle: its elevation, (n,) [m].
+        height: where it is, (n,) [m].
+        volume: of it, (n,) [m3]; 0: the column has none.
+    """
+
+    zone: int
+    plan: np.ndarray
+    middle: np.ndarray
+    height: np.ndarray
+    volume: np.ndarray
+
+
+def fill_terrain(scene: Scene3d) -> Points3d:
+    """Fill the zones of a terrain; columns stand at (i + 1/2) spacing from the domain's corner.
+
+    Soil belongs to the first zone whose plan holds it and whose bottom and top it lies between,
+    above the base and below the surface. A column that the edge of a plan cuts has its points in
+    the middle of what lies within.
 
     Raises:
         InputError: a zone that got no point.
     """
     terrain, ground, d = scene.document.terrain, scene.ground, scene.spacing
     assert terrain is not None and ground is not None
-    plan = _columns(scene)
-    floor, highest = float(ground.base.values.min()), float(ground.surface.at(*plan.T).max())
-    levels = floor + d * (np.arange(max(int((highest - floor) / d) + 1, 1)) + 0.5)
-    zone = np.full((len(plan), len(levels)), -1, np.int32)
-    for number, (entry, (under, over)) in enumerate(
-        zip(terrain.zones, _limits(scene, plan), strict=True)
-    ):
-        hit = (levels > under[:, None]) & (levels < over[:, None]) & (zone < 0)
-        if not hit.any():
+    position, volume, zone = [], [], []
+    for plan in _columns(scene):
+        for piece in _pieces(scene, plan, PARTS):
+            slices = np.maximum(np.rint(piece.height / d), 1.0).astype(int)
+            slices[piece.volume < LEAST * d**3] = 0
+            column = np.repeat(np.arange(len(slices)), slices)
+            first = np.concatenate([[0], np.cumsum(slices)[:-1]])
+            share = (np.arange(len(column)) - first[column] + 0.5) / slices[column]
+            level = piece.middle[column] + (share - 0.5) * piece.height[column]
+            position.append(np.column_stack([piece.plan[column], level]))
+            volume.append(piece.volume[column] / slices[column])
+            zone.append(np.full(len(column), piece.zone, np.int32))
+    place, held, chosen = (np.concatenate(parts) for parts in (position, volume, zone))
+    for number, entry in enumerate(terrain.zones):
+        if not np.any(chosen == number):
             raise InputError(
                 f"{scene.name}: zone {entry.name!r} holds no point at a spacing of {d:g} m"
             )
-        zone[hit] = number
-    column, level = np.nonzero(zone >= 0)
+    # On hollow ground the middle of a column lies deeper than its soil does on the whole.
+    place[:, 2] = np.maximum(place[:, 2], ground.base.at(place[:, 0], place[:, 1]) + 0.01 * d)
     names = list(terrain.materials)
     material = np.array([names.index(entry.material) for entry in terrain.zones], np.int32)
-    chosen = zone[column, level]
-    return Points3d(
-        position=np.column_stack([plan[column], levels[level]]),
-        volume=np.full(len(column), d**3),
-        zone=chosen,
-        material=material[chosen],
-    )
+    return Points3d(place, held, chosen, material[chosen])
 
 
 def drawn_volume(scene: Scene3d) -> float:
     """Volume of the zones of a terrain [m3]: that between the rasters, whatever the points hold."""
-    plan = _columns(scene)
-    limits = np.array(_limits(scene, plan))  # zones, (under, over), columns
-    limits = np.take_along_axis(limits, np.argsort(limits[:, :1], axis=0), axis=0)
-    thickness, reached = np.zeros(len(plan)), np.full(len(plan), -np.inf)
-    for under, over in limits:
-        thickness += np.maximum(over - np.maximum(under, reached), 0.0)
-        reached = np.maximum(reached, over)
-    return float(thickness.sum() * scene.spacing**2)
+    return float(
+        sum(
+            piece.volume.sum()
+            for plan in _columns(scene)
+            for piece in _pieces(scene, plan, FINER_PARTS)
+        )
+    )
 
 
-def _columns(scene: Scene3d) -> np.ndarray:
-    """Places (n, 2) of the columns of points."""
+def _columns(scene: Scene3d) -> Iterator[np.ndarray]:
+    """Places (n, 2) of the columns of points, so many at a time that memory holds them."""
     x_min, x_max, y_min, y_max = plan_domain(scene)
     d = scene.spacing
     x = x_min + d * (np.arange(round((x_max - x_min) / d)) + 0.5)
     y = y_min + d * (np.arange(round((y_max - y_min) / d)) + 0.5)
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    rows = max(BATCH // (FINER_PARTS**2 * len(y)), 1)
+    for first in range(0, len(x), rows):
+        grid = np.meshgrid(x[first : first + rows], y, indexing="ij")
+        yield np.stack(grid, axis=-1).reshape(-1, 2)
+
+
+def _pieces(scene: Scene3d, plan: np.ndarray, parts: int) -> list[_Piece]:
+    """The soil in columns (n, 2), read at `parts` x `parts` places across each."""
+    d = scene.spacing
+    across = d * ((np.arange(parts) + 0.5) / parts - 0.5)
+    apart = np.stack(np.meshgrid(across, across, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = (plan[:, None] + apart).reshape(-1, 2)
+    found = []
+    for zone, thickness, moment in _layers(_limits(scene, places)):
+        thick = thickness.reshape(len(plan), -1)
+        whole, covered = thick.sum(axis=1), (thick > 0.0).sum(axis=1)
+        there = np.maximum(whole, 1e-300)
+        shift = thick @ apart / there[:, None]
+        middle = moment.reshape(thick.shape).sum(axis=1) / there
+        height = whole / np.maximum(covered, 1)
+        found.append(_Piece(zone, plan + shift, middle, height, whole * d**2 / len(apart)))
+    return found
+
+
+def _layers(
+    limits: list[tuple[np.ndarray, np.ndarray]],
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Layers of soil at some places, from below: zone, thickness [m], and its moment [m2].
+
+    A zone has a layer more where another one lies within it. Both arrays are (places,); the moment
+    is about level 0.
+    """
+    under, over = (np.stack(values) for values in zip(*limits, strict=True))
+    levels = np.sort(np.concatenate([under, over]), axis=0)
+    runs: dict[tuple[int, int], list[np.ndarray]] = {}
+    below = np.full(levels.shape[1], -1)
+    seen = np.zeros(under.shape, int)
+    for low, high in zip(levels, levels[1:], strict=False):
+        inside = (under <= low) & (over >= high)
+        owner = np.where(inside.any(axis=0) & (high > low), inside.argmax(axis=0), -1)
+        for zone in range(len(under)):
+            own = owner == zone
+            if not own.any():
+                continue
+            seen[zone] += own & (below != zone)
+            for run in np.unique(seen[zone][own]):
+                here = own & (seen[zone] == run)
+                sums = runs.setdefault((zone, int(run)), [np.zeros(len(own)) for _ in range(2)])
+                thickness = np.where(here, high - low, 0.0)
+                sums[0] += thickness
+                sums[1] += thickness * 0.5 * (high + low)
+        below = np.where(high > low, owner, below)
+    for (zone, _), (thickness, moment) in sorted(runs.items(), key=lambda item: item[0]):
+        yield zone, thickness, moment
 
 
 def _limits(scene: Scene3d, plan: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -90,5 +177,5 @@ def _limits(scene: Scene3d, plan: np.ndarray) -> list[tuple[np.ndarray, np.ndarr
         if entry.plan is not None:
             inside = contains(np.asarray(entry.plan, float), tested)
             over = np.where(inside, over, under)
-        found.append((under, over))
+        found.append((under, np.maximum(over, under)))
     return found

@@ -154,7 +154,8 @@ def lives(process: psutil.Process) -> bool:
 def check_whole(folder: Path) -> None:
     """Every file can be read, but for parts under a name that says so."""
     for path in folder.rglob("*"):
-        if not path.is_file() or path.name.endswith(".part"):
+        begun = path.name.startswith(".") and ".tmp" in path.suffixes  # `pipeline.files`
+        if not path.is_file() or begun or path.name.endswith(".part"):
             continue
         if path.suffix == ".json":
             json.loads(path.read_text())
