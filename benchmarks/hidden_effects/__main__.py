@@ -1,6 +1,6 @@
 """The benchmark of hidden effects: make it, run it, score it.
 
-python -m benchmarks.hidden_effects plan|make|reopen|run|score
+python -m benchmarks.hidden_effects plan|make|reopen|run|strangers|score
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 FOLDER = "benchmarks/hidden_effects"
 RESULTS = "hidden_effects"
 RECORD = "results.json"
+STRANGERS = "strangers_results.json"
 #: What a score leaves: a page, and the folder of its pictures.
 PAGE, PICTURES = "score.md", "score"
 #: What truths, and what verdicts, follow from.
@@ -38,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.step != "score":
         simulation = config.simulation.model_copy(update={"water": _water(arguments)})
         config = config.model_copy(update={"simulation": simulation})
-    steps = {"plan": _plan, "make": _make, "reopen": _reopen, "run": _run, "score": _score}
+    steps = {"plan": _plan, "make": _make, "reopen": _reopen, "run": _run, "score": _score,
+             "strangers": _strangers}  # fmt: skip
     return steps[arguments.step](arguments, config)
 
 
@@ -50,10 +52,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "step",
-        choices=("plan", "make", "reopen", "run", "score"),
+        choices=("plan", "make", "reopen", "run", "strangers", "score"),
         help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
-        "reopen: write the cases of an opened set from its --record; run: diagnose them; score: "
-        "open the seals, write score.md",
+        "reopen: write the cases of an opened set from its --record; run: diagnose them; "
+        "strangers: judge the slides of an opened set by a library that lacks what is hidden; "
+        "score: open the seals, write score.md",
     )
     parser.add_argument(
         "--benchmark",
@@ -68,7 +71,8 @@ def _parser() -> argparse.ArgumentParser:
         "--part",
         metavar="K/N",
         default="1/1",
-        help="make, run: the K-th of N shares of the cases, for several jobs; default: 1/1",
+        help="make, run, strangers: the K-th of N shares of the cases, for several jobs; "
+        "default: 1/1",
     )
     parser.add_argument(
         "--cases",
@@ -78,8 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--runs",
         metavar="DIR",
-        help="run: keep the simulations here, so that another version of the method finds those "
-        "that it has in common; default: in memory",
+        help="run, strangers: keep the simulations here, so that another version of the method "
+        "finds those that it has in common; default: in memory",
     )
     parser.add_argument(
         "--variants",
@@ -90,7 +94,8 @@ def _parser() -> argparse.ArgumentParser:
         "--record",
         metavar="FILE",
         help="score: where truths and verdicts are kept; given without --out's verdicts, it is "
-        f"read instead; default: <out>/{RECORD}; reopen: the record",
+        f"read instead; default: <out>/{RECORD}; reopen: the record; strangers: where their "
+        f"verdicts are added; default: {FOLDER}/{STRANGERS}",
     )
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     return add_common(parser)
@@ -268,6 +273,40 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
             runs=arguments.runs,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
+    return 0
+
+
+def _strangers(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.making.benchmark import Places
+    from benchmarks.hidden_effects.strangers import (
+        FOLDER as VERDICTS,
+    )
+    from benchmarks.hidden_effects.strangers import (
+        HEADER,
+        load_twice,
+        rows_of,
+        run_twice,
+        save_twice,
+        single_things,
+    )
+
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    record = Path(arguments.record or f"{FOLDER}/{STRANGERS}")
+    total = len(single_things(places)[part.k :: part.n])
+    files = places.out.glob(f"{VERDICTS}/*.json")
+    _keep_origin(places.out / f"{VERDICTS}_{JUDGED_BY}", _judged_by(places, config), files)
+    with Progress(total, "diagnosing twice", quiet=arguments.quiet) as progress:
+        found = run_twice(
+            places,
+            config,
+            Path(arguments.benchmark).stem,
+            part=part,
+            threads=arguments.threads,
+            runs=arguments.runs,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    save_twice(found, record)
+    print(table(HEADER, rows_of(load_twice(record))))
     return 0
 
 
