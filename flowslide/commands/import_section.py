@@ -10,9 +10,10 @@ from flowslide.commands.check import print_doubts, print_ends, print_gaps
 from pipeline.cli import InputError
 
 DESCRIPTION = (
-    "Make a scene of a section (.csv, .geojson, .json, .dxf, .f2grid). Zones are closed outlines, "
-    "named by the column zone, the property name, the layer or the group of a FLAC2D grid; the "
-    "names ground and water mark the base and the water table."
+    "Make a scene of a section (.csv, .geojson, .json, .dxf, .f2grid, .gsz). Zones are closed "
+    "outlines, named by the column zone, the property name, the layer, the group of a FLAC2D grid "
+    "or the region of a GeoStudio file; the names ground and water mark the base and the water "
+    "table."
 )
 
 

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--section", required=True, metavar="FILE", help="the drawing")
     parser.add_argument(
         "--format",
-        choices=("csv", "geojson", "dxf", "f2grid"),
+        choices=("csv", "geojson", "dxf", "f2grid", "gsz"),
         help="of the drawing; default: from its suffix",
     )
     options.add_drawing(parser)

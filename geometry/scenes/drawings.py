@@ -1,4 +1,4 @@
-"""Sections drawn elsewhere: CSV, GeoJSON, DXF and grids of FLAC2D become scenes.
+"""Sections drawn elsewhere: CSV, GeoJSON, DXF, GeoStudio and grids of FLAC2D become scenes.
 
 All give zones (closed outlines with a name) and, by the names `ground` and `water`, the base and
 the water table, which are not closed. Strengths come with the zones (CSV columns, GeoJSON
@@ -16,6 +16,7 @@ from typing import Any
 
 from geometry.scenes.dxf_drawings import read_dxf
 from geometry.scenes.flac_grids import read_grid
+from geometry.scenes.geostudio_files import read_gsz
 from geometry.scenes.scene import Material, Scene, scene_from_mapping
 from pipeline.cli import InputError
 from pipeline.files import read_json, read_yaml
@@ -26,7 +27,13 @@ GROUND, WATER = "ground", "water"
 #: Metres in a unit of length.
 UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 0.1, "km": 1e3,
          "ft": 0.3048, "in": 0.0254, "yd": 0.9144, "us_ft": 1200.0 / 3937.0}  # fmt: skip
-FORMATS = (".csv", ".geojson", ".json", ".dxf", ".f2grid")
+FORMATS = (".csv", ".geojson", ".json", ".dxf", ".f2grid", ".gsz")
+#: Files of programs whose form is nowhere described -> the program.
+CLOSED = {
+    **dict.fromkeys((".slmd", ".slmm", ".slim", ".sli"), "Slide2"),
+    **dict.fromkeys((".p2dx", ".plx"), "Plaxis"),
+    **dict.fromkeys((".dwg", ".dgn"), "CAD"),
+}
 MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_failure")
 
 
@@ -50,18 +57,25 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
 
     Args:
         path: the drawing.
-        kind: csv, geojson, dxf or f2grid; None: as its suffix says.
+        kind: csv, geojson, dxf, f2grid or gsz; None: as its suffix says.
 
     Raises:
         InputError: unknown suffix, unreadable file, or a row or shape that is not a zone.
     """
     path = Path(path)
     suffix = path.suffix.lower() if kind is None else f".{kind}"
+    if suffix in CLOSED:
+        raise InputError(
+            f"{path}: files of {CLOSED[suffix]} cannot be read; export the section there as DXF, "
+            "each zone as a closed polyline on a layer with its name"
+        )
     if suffix not in FORMATS:
         raise InputError(f"{path}: sections end in {', '.join(FORMATS)}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    readers = {".csv": _read_csv, ".dxf": _read_dxf, ".f2grid": _read_grid}
+    readers = {
+        ".csv": _read_csv, ".dxf": _read_dxf, ".f2grid": _read_grid, ".gsz": _read_geostudio,
+    }  # fmt: skip
     reader = readers.get(suffix, _read_geojson)
     section = reader(path)
     if not section.zones:
@@ -497,6 +511,16 @@ def _read_grid(path: Path) -> Section:
     section = Section()
     for name, line in read_grid(path).items():
         _add(section, name, line, str(path), closed=True)
+    return section
+
+
+def _read_geostudio(path: Path) -> Section:
+    """The regions of a file of GeoStudio, each with the name of its material."""
+    found = read_gsz(path)
+    section = Section(left_out=found.left_out)
+    for name, line in found.zones.items():
+        _add(section, name, line, str(path), closed=True)
+        section.properties[name] = {"material": found.materials[name]}
     return section
 
 
