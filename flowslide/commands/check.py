@@ -19,7 +19,7 @@ DESCRIPTION = (
 )
 
 #: Share by which the volume of points may differ from that of the rasters without a remark.
-SAME_VOLUME = 0.02
+SAME_VOLUME = 0.002
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,6 +6,7 @@ Nothing here sets a field by script: a value that a script fills in hides a lost
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 
@@ -173,6 +174,25 @@ def test_the_end_of_a_section_is_seen_and_said(page, workspace):
     assert found["goes_on"] and found["x_m"] == x
     page.locator("#undo").click()
     expect(page.get_by_label("right end of the section")).to_have_value("free")
+
+
+def test_what_is_hardly_meant_is_said_and_refuses_nothing(page, workspace):
+    section(page)
+    expect(page.locator("#section-right .doubt")).to_have_count(0)
+    name, soil = next(
+        (name, soil)
+        for name, soil in workspace.read("small")["scene"]["materials"].items()
+        if not soil.get("liquefied")
+    )
+    radians = round(math.radians(soil["friction_deg"]), 3)
+    page.locator(f'[data-key="material-{name}"] > summary').click()
+    typed(page, f"friction of {name.replace('_', ' ')} [deg]", str(radians))
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    expect(page.locator("#section-right .doubt")).to_have_text(
+        f"Doubtful: {name}: friction_deg {radians:g}; is it in radians?"
+    )
+    page.locator("#undo").click()
+    expect(page.locator("#section-right .doubt")).to_have_count(0)
 
 
 def colours_at(page: Page, x: float, y: float) -> list[list[int]]:

@@ -17,7 +17,7 @@ def test_a_case_is_what_its_files_say(workspace):
     case = workspace.read("small")
     assert not case["shipped"] and not case["faults"] and not case["draft"]
     assert case["scene"] == read_yaml(workspace.folder / "small" / "scene.yaml")
-    assert case["derived"]["feet"]["left"] == 40.0
+    assert case["derived"]["feet"]["left"] == 40.0 and case["derived"]["doubts"] == []
     names = {one["name"]: one["shipped"] for one in workspace.cases()}
     assert names["small"] is False and names["lower_san_fernando"] is True
 

@@ -14,14 +14,15 @@ export function wrongAt(faults, place) {
     .map(({ message }) => message.slice(message.indexOf(": ") + 1).trim()).join("; ");
 }
 
-/** All faults, those of a tab first; a click leads to the field, or shows the zone. Without faults: what is checked. */
+/** All faults, those of a tab first; a click leads to the field, or shows the zone. Without faults: what is checked, and what is doubtful. */
 export function faultList(page, tab) {
   const { faults } = page;
   const ordered = [...faults.filter((one) => tabOf(one) === tab), ...faults.filter((one) => tabOf(one) !== tab)];
   return [el("h2", { textContent: faults.length ? "To mend" : "Checked" }),
     faults.length ? el("ul", { className: "faults" }, ...ordered.map((one) =>
       el("li", {}, button((WORDS[one.document] ?? "") + one.message, () => lead(page, one), { className: "fault" }))))
-      : el("p", { className: "note faults", textContent: page.summary() })];
+      : el("p", { className: "note faults", textContent: page.summary() }),
+    ...page.doubts.map((words) => el("p", { className: "note doubt", textContent: `Doubtful: ${words}` }))];
 }
 
 function lead(page, fault) {

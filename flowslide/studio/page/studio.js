@@ -73,6 +73,7 @@ const editor = new Editor(view, {
 const page = {
   view, editor, documents, say, tellTyped, refresh, setMode,
   get faults() { return state.found?.faults ?? []; },
+  get doubts() { return state.found?.derived?.doubts ?? []; },
   get materials() { return state.workspace.materials; },
   get forms() { return state.workspace.measurements; },
   derived: () => state.found?.derived,
