@@ -153,7 +153,7 @@ def _touching(setup: SectionSetup, contact: str, coefficient: float | None = Non
 
 def _below(scene: Scene) -> list[Assumption]:
     """The base between the feet, higher or lower, or tilted."""
-    height = scene.extent[1] - scene.extent[0]
+    height = scene.height
     shapes = {
         LEVEL: (LEVEL_STD, (1.0, 1.0), "the base below the section lies higher (below 0: lower)"),
         TILT: (
@@ -205,7 +205,7 @@ def _moved_base(
 
 def _beyond(scene: Scene, side: Side) -> list[Assumption]:
     """The ground beyond a foot: sloped, or with a bump."""
-    height = scene.extent[1] - scene.extent[0]
+    height = scene.height
     foot, outward = scene.foot(side), -1.0 if side == "left" else 1.0
 
     def sloped(setup: SectionSetup, slope: float) -> SectionSetup:
@@ -238,7 +238,7 @@ def _beyond(scene: Scene, side: Side) -> list[Assumption]:
 
 def _bump(scene: Scene, side: Side, distance: float, name: str) -> Assumption:
     """A ridge whose top lies at a distance [m] before a foot."""
-    height = scene.extent[1] - scene.extent[0]
+    height = scene.height
     top = scene.foot(side) + (-distance if side == "left" else distance)
 
     def raised(setup: SectionSetup, rise: float) -> SectionSetup:
@@ -277,7 +277,7 @@ def _side_of(word: str) -> Side:
 
 def neighbours(scene: Scene, name: str) -> list[str]:
     """Ridges a step nearer to the foot and farther from it; none where `name` is no ridge."""
-    height = scene.extent[1] - scene.extent[0]
+    height = scene.height
     given = {
         f"{BUMP}_{where}_the_{side}_foot": (share * height, side)
         for where, share in BUMP_PLACES.items()

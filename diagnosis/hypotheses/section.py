@@ -73,7 +73,7 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
     """
     names, liquid = liquefied_zones(scene), liquefied_soil(scene)
     outline = unary_union([shapely.Polygon(zone.polygon) for zone in scene.zones]).boundary
-    height = scene.extent[1] - scene.extent[0]
+    height = scene.height
     near = ON_LINE * height
     # A wall cuts the section off: a boundary that ends there goes on beyond.
     domain = scene.domain

@@ -419,6 +419,12 @@ class Scene(Document):
         """Lowest and highest elevation of the section's outline [m]."""
         return extent(zone.polygon for zone in self.zones)
 
+    @property
+    def height(self) -> float:
+        """Height of the section [m]."""
+        low, high = self.extent
+        return high - low
+
     def end(self, side: Side) -> float:
         """Place x [m] where the outline of the section ends on one side."""
         x = [place for zone in self.zones for place, _ in zone.polygon]
@@ -469,7 +475,7 @@ class Scene(Document):
         found = [np.asarray(zone.polygon, dtype=float) for zone in self.zones]
         for side in SIDES:
             if self.domain.goes_on(side):
-                reach = FACE_WITHIN * (self.extent[1] - self.extent[0])
+                reach = FACE_WITHIN * self.height
                 end, wall = self.end(side), self.domain.wall(side)
                 for outline in found:
                     outline[np.abs(outline[:, 0] - end) <= reach, 0] = wall

@@ -158,6 +158,16 @@ class Scene3d:
         return self.document.terrain.origin if self.document.terrain else (0.0, 0.0)
 
     @property
+    def height(self) -> float:
+        """Height of the section, or the greatest thickness of soil between the rasters [m]."""
+        if self.ground is None:
+            assert self.section is not None  # a document has one or the other
+            return self.section.height
+        surface, base = self.ground.surface, self.ground.base
+        places = np.stack(np.meshgrid(*surface.axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return float((surface.values.ravel() - base.at(*places.T)).max())
+
+    @property
     def crs(self) -> str:
         """Coordinate system of the surface as WKT; empty: none."""
         return self.ground.surface.crs if self.ground else ""

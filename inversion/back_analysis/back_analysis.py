@@ -384,7 +384,7 @@ class BackAnalysis:
         setup, engine = self.case.setup, self.engine_of_cells()
         if engine is None:
             why = f"{self.described.description} has none of its own"
-            return SmallCells.unknown(self.case.spacing_m, why)
+            return SmallCells.unknown(setup.scene, why)
         return cells_by(engine, self.store, setup, values, self.case.other_cells(setup))
 
     def engine_of_cells(self) -> Engine | None:

@@ -133,7 +133,7 @@ def paired(setup: SectionSetup) -> SectionSetup:
         InputError: the section does not hold together at the coarser spacing.
     """
     scene = setup.scene
-    domain, room = scene.domain, ROOM * (scene.extent[1] - scene.extent[0])
+    domain, room = scene.domain, ROOM * scene.height
     left, right = (room if domain.is_open(side) else 0.0 for side in SIDES)
     closed = {
         **domain.model_dump(),
@@ -158,7 +158,7 @@ def paired(setup: SectionSetup) -> SectionSetup:
 
 def knots(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """H/B that are run, ascending, and the widths B [m], in whole cells."""
-    height = scene.extent[1] - scene.extent[0]
+    height = scene.height
     cells = np.unique([max(round(height / (ratio * scene.cell_size)), 2) for ratio in RATIOS])
     widths = cells[::-1] * scene.cell_size
     return height / widths, widths

@@ -21,6 +21,8 @@ from typing import TypeVar
 import numpy as np
 from pydantic import Field
 
+from geometry.scenes.scene import Scene
+from geometry.scenes3d.scene3d import Scene3d
 from inversion.engines.registry import Engine
 from inversion.engines.run_store import Store
 from inversion.estimation.forward import (
@@ -44,8 +46,9 @@ NAME = "cell size"
 ORDER = 1.45
 #: Standard deviation of ln(S / S_h): a share of it, and the least that the noise of runs leaves.
 SHARE_STD, NOISE_STD = 0.5, 0.01
-#: The same where it is not known: the dams' own spread about no correction.
-UNKNOWN_STD = 0.06
+#: The same where it is not known: the dams' own spread about no correction, with so many spacings
+#: in their height; with fewer it grows as what the cells cost.
+UNKNOWN_STD, USUAL_SPACINGS = 0.06, 20.0
 #: Beyond this ln(S / S_h) the cells are too large for the law.
 FARTHEST = 0.25
 #: Other spacings over that of the runs, in the order in which they are tried: coarse runs are
@@ -79,11 +82,20 @@ class SmallCells(StrictDocument):
 
     @classmethod
     def unknown(
-        cls, spacing: float, why: str, log_std: float = UNKNOWN_STD, runs: int = 0
+        cls, scene: Scene | Scene3d, why: str, *, seen: float = 0.0, runs: int = 0
     ) -> SmallCells:
-        """Nothing is taken off; strengths are less certain."""
+        """Nothing is taken off; strengths are less certain.
+
+        Args:
+            scene: of the runs.
+            why: it is not known.
+            seen: ln of the strength by which two spacings differ all the same.
+            runs: that this took.
+        """
+        coarse = max(USUAL_SPACINGS * scene.spacing / scene.height, 1.0)
+        doubt = max(UNKNOWN_STD * coarse**ORDER, seen)
         words = f"{NAME}: not known: {why}"
-        return cls(log_std=log_std, spacing_m=spacing, words=words, runs=runs)
+        return cls(log_std=min(doubt, MOST_LOG), spacing_m=scene.spacing, words=words, runs=runs)
 
     @property
     def known(self) -> bool:
@@ -142,7 +154,7 @@ def cells_by(
     if first is not None and engine.unseen is not None and isinstance(setup, SectionSetup):
         assert isinstance(first, SectionSetup)
         if reason := engine.unseen(setup, first):
-            return SmallCells.unknown(setup.scene.spacing, reason)
+            return SmallCells.unknown(setup.scene, reason)
     there = () if first is None else (first,)
     return small_cells(engine.made(store.of_cells), setup, values, chain(there, ahead))
 
@@ -182,8 +194,7 @@ def small_cells(
             f"runs {spacing:g} and {there:g} m apart differ by {apart:.0f} % in strength, too much "
             "to go on from: a smaller spacing would tell"
         )
-    doubt = max(UNKNOWN_STD, min(far, MOST_LOG))
-    return SmallCells.unknown(spacing, why, doubt, engine.runs - before)
+    return SmallCells.unknown(setup.scene, why, seen=far, runs=engine.runs - before)
 
 
 @dataclass(frozen=True)

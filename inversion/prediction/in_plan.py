@@ -169,7 +169,7 @@ def predict_in_plan(
         WorkFailed: more than a quarter of the runs failed.
     """
     assert isinstance(store, BodyStore)
-    cells = SmallCells.unknown(setup.scene.spacing, "a second spacing takes hours of a body")
+    cells = SmallCells.unknown(setup.scene, "a second spacing takes hours of a body")
     found = predict(engine, setup, strengths, cells=cells, jittered=jittered, samples=samples)
     kept = [store.fetch(setup, values) for values in found.strengths]
     before = setup.before.before

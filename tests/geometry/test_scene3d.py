@@ -118,6 +118,12 @@ def test_points_hold_the_volume_of_every_zone_at_any_spacing(terrain, spacing):
     assert points.volume.sum() == pytest.approx(2.0 * half, rel=0.001)
 
 
+def test_the_height_is_that_of_the_soil(terrain):
+    zones = [{"name": "all", "material": "fill"}]
+    scene = load_scene_3d(terrain(zones, {"fill": SOILS["fill"]}))
+    assert scene.height == pytest.approx(4.0, abs=1e-5)
+
+
 def test_a_layer_within_another_parts_it(terrain):
     zones = [
         {"name": "seam", "material": "fill", "plan": [[10, 0], [20, 0], [20, 20], [10, 20]],

@@ -10,6 +10,7 @@ import pytest
 
 from inversion.engines.small_cells import (
     FARTHEST,
+    MOST_LOG,
     NOISE_STD,
     ORDER,
     SHARE_STD,
@@ -36,7 +37,7 @@ def cells_of(spacing: float, cost: float = 0.04, noise: float = 0.0, toe=None) -
         return np.array([first, 30.0 - 25.0 * np.log(true / 20.0) + values[1] - 31.0])
 
     one = Cells(toes if toe is None else toe, ["0", "1"], parameters=PARAMETERS, noise=noise)
-    one.targets, one.scene = targets(50.0, 30.0), SimpleNamespace(spacing=spacing)
+    one.targets, one.scene = targets(50.0, 30.0), SimpleNamespace(spacing=spacing, height=20.0)
     return one
 
 
@@ -102,8 +103,18 @@ def test_where_all_lie_too_far_nothing_is_taken_off_and_the_strength_is_less_cer
 def test_without_another_spacing_the_cells_are_not_known():
     here = cells_of(1.0)
     found = small_cells(here, here, VALUES, [])
-    assert found == SmallCells.unknown(1.0, "no other spacing can be run")
+    assert found == SmallCells.unknown(here.scene, "no other spacing can be run")
     assert (found.factor, found.log_std) == (1.0, UNKNOWN_STD)
+
+
+@pytest.mark.parametrize(
+    ("spacing", "doubt"), [(0.5, UNKNOWN_STD), (2.0, UNKNOWN_STD * 2.0**ORDER), (8.0, MOST_LOG)]
+)
+def test_of_few_spacings_in_the_height_less_is_known(spacing, doubt):
+    found = SmallCells.unknown(cells_of(spacing).scene, "nobody looked")
+    assert found.log_std == pytest.approx(doubt) and not found.known
+    seen = SmallCells.unknown(cells_of(spacing).scene, "nobody looked", seen=0.3)
+    assert seen.log_std == pytest.approx(max(doubt, 0.3))
 
 
 def test_runs_that_fail_or_do_not_notice_the_strength_tell_nothing():
