@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 FOLDER = "benchmarks/hidden_effects"
 RESULTS = "hidden_effects"
 RECORD = "results.json"
-STRANGERS = "strangers_results.json"
 #: What a score leaves: a page, and the folder of its pictures.
 PAGE, PICTURES = "score.md", "score"
 #: What truths, and what verdicts, follow from.
@@ -95,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="score: where truths and verdicts are kept; given without --out's verdicts, it is "
         f"read instead; default: <out>/{RECORD}; reopen: the record; strangers: where their "
-        f"verdicts are added; default: {FOLDER}/{STRANGERS}",
+        "verdicts are added; default: the one that is shipped",
     )
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     return add_common(parser)
@@ -289,9 +288,12 @@ def _strangers(arguments: argparse.Namespace, config: Config) -> int:
         save_twice,
         single_things,
     )
+    from benchmarks.hidden_effects.strangers import (
+        RECORD as SHIPPED,
+    )
 
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
-    record = Path(arguments.record or f"{FOLDER}/{STRANGERS}")
+    record = Path(arguments.record) if arguments.record else SHIPPED
     total = len(single_things(places)[part.k :: part.n])
     files = places.out.glob(f"{VERDICTS}/*.json")
     _keep_origin(places.out / f"{VERDICTS}_{JUDGED_BY}", _judged_by(places, config), files)

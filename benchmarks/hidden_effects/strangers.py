@@ -9,11 +9,13 @@ explained away, on the same slides. Both verdicts share their simulations.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.generated_pages import ROOT, table
 from benchmarks.hidden_effects.foreign.hidden import THINGS
 from benchmarks.hidden_effects.making.benchmark import Places
 from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
@@ -32,6 +34,7 @@ from pipeline.config import Config, validate_settings
 from pipeline.files import read_json, write_json, write_text
 
 FOLDER = "strangers"
+RECORD = ROOT / "benchmarks" / "hidden_effects" / "strangers_results.json"
 #: What a row keeps of a truth; what was measured is in the record of its set.
 KEPT = ("name", "kind", "source", "section", "survey", "effects", "parameters", "lambda")
 WHOLE, WITHOUT = "whole", "without"
@@ -218,6 +221,30 @@ def rows_of(found: Sequence[Twice]) -> list[list[str]]:
             str(sum(covers(one, "95%") for one in cases)),
         ])  # fmt: skip
     return rows
+
+
+EXPLAINED = ("set", "hidden", "named without it", "S_r off by: before", "by the answer")
+
+
+def explained(found: Sequence[Twice]) -> list[list[str]]:
+    """What was named where the truth could not be, and what it made of the strength."""
+    return [
+        [
+            one.of, ", ".join(one.whole.hidden), " + ".join(one.without.digest.effects),
+            *(f"{100.0 * math.expm1(one.without.strength_error(stage)):+.0f} %"
+              for stage in ("base", "final")),
+        ]
+        for one in found
+        if one.without is not None and _names(one.without)
+    ]  # fmt: skip
+
+
+def strangers_page() -> str:
+    """The tables of docs/records/hidden-effects.md."""
+    found = load_twice(RECORD)
+    named = explained(found)
+    tables = [table(HEADER, rows_of(found), "lrrrrrr")]
+    return "\n\n".join(tables + ([table(EXPLAINED, named, "lllrr")] if named else []))
 
 
 def _names(one: Judged) -> bool:

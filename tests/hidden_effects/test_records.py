@@ -8,6 +8,7 @@ import re
 
 import pytest
 
+from benchmarks.hidden_effects import strangers
 from benchmarks.hidden_effects.__main__ import main
 from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
 from benchmarks.hidden_effects.making.make import reach_of, sealed_cases
@@ -90,7 +91,9 @@ def test_a_score_leaves_its_page_and_its_pictures(root, rows, tmp_path):
 
 
 def test_the_table_of_all_sets_is_that_of_the_records():
-    assert sets.sets_table() in sets.PAGE.read_text("utf-8"), "python -m benchmarks.generated_pages"
+    page = sets.PAGE.read_text("utf-8")
+    assert sets.sets_table() in page, "python -m benchmarks.generated_pages"
+    assert strangers.strangers_page() in page, "python -m benchmarks.generated_pages"
 
 
 def test_a_section_of_another_benchmark(root, rows):

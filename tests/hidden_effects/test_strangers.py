@@ -13,6 +13,7 @@ from benchmarks.hidden_effects.making.benchmark import Places
 from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.hidden_effects.strangers import (
     Twice,
+    explained,
     judge_twice,
     load_twice,
     rows_of,
@@ -143,6 +144,9 @@ def test_names_are_counted_with_and_without(tmp_path):
         ["3", "3", "2", "0", "0", "2"],
         ["3", "2", "0", "0", "1", "2"],
     ]
+    assert explained(found) == [
+        ["a set", "datum", "pool", "+22 %", "+2 %"], ["a set", "datum", "pool", "+22 %", "+65 %"],
+    ]  # fmt: skip
     path = tmp_path / "record.json"
     save_twice(found[:2], path)
     save_twice([twice(2, ["datum_shift"], []), *found[2:]], path)
