@@ -185,7 +185,8 @@ def test_posterior_and_prediction_are_those_of_the_width(tmp_path):
     main(["posterior", str(folder), "--out", str(drawn), *quick, *settings])
     (strength,) = load_posterior(drawn).parameters
     low, high = strength.after.interval_95
-    assert low < TRUTH < high < 1.3 * low
+    # Of so few spacings in the height the cells decide how wide it is, not where.
+    assert low < TRUTH < high and np.sqrt(low * high) == pytest.approx(TRUTH, rel=0.2)
     main(["predict", str(folder), "--posterior", str(drawn), "--out", str(tmp_path / "predicted"),
           "--seeds", "0", *quick, *settings[:2]])  # fmt: skip
     document = read_json(tmp_path / "predicted/prediction.json")

@@ -106,7 +106,9 @@ def test_the_strength_of_a_twin_is_found_from_its_map(tmp_path, capsys):
     assert "surface after" in said and said.count("surface at (") == 0
     result = load_result(out)
     (found,) = result.answer.parameters
-    assert abs(found.value - TRUTH) < 2.0 * found.std_total < 0.5 * TRUTH
+    assert abs(found.value - TRUTH) < min(2.0 * found.std_data, 0.2 * TRUTH)
+    # Five points in the height of the dam: the cells are worth 40 % of the strength.
+    assert 0.3 < found.std_by_source["cell size"] / found.value < 0.5
     assert found.determined and found.ratio == pytest.approx(found.value / found.sigma_v0_kpa)
     checked = {m.group: m for m in result.measurements if m.role == "held out"}
     assert abs(checked["road"].difference_in_std) < 3.0

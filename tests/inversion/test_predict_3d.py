@@ -83,7 +83,7 @@ def test_a_prediction_leaves_maps_curves_and_a_document(gully, tmp_path, capsys)
     document = json.loads((out / "prediction.json").read_text())
     assert len(document["runs"]) == 15 and document["strengths"][0]["zones"] == ["slimes"]
     maps = [read_raster(out / f"exceedance_{thickness}m.tif").values for thickness in (1, 2)]
-    assert np.all(maps[0] >= maps[1]) and maps[0].max() > 0.95 and maps[1].min() == 0.0
+    assert np.all(maps[0] >= maps[1]) and maps[0].max() > 0.8 and maps[1].min() == 0.0
     # Places beyond the foot are reached the more rarely the farther they are.
     line = maps[0][4:].mean(axis=1)
     assert np.all(np.diff(line) <= 0.0) and line[0] > line[-1]
