@@ -99,21 +99,23 @@ def judge_twice(
     from diagnosis.verdict.verdict_builder import verdict_document
 
     case = diagnosis_case(load_case(folder, config))
-    model = case.model(store)
-    options = case.options(model)
+    candidates = case.model(store).candidates
 
     def judged(forbidden: tuple[str, ...]) -> tuple[Judged, Any]:
+        model = case.model(store)  # anew: a diagnosis adds the places that it has sought
+        options = case.options(model)
         found = diagnose(model, replace(options, forbidden=(*options.forbidden, *forbidden)))
         digest = digest_of(verdict_document(found, case=case.name, title=case.title))
         return Judged(truth, digest), found.explanation
 
     whole, explanation = judged(())
-    own = stands_for(truth, model.candidates)
+    own = stands_for(truth, candidates)
     if not own or whole.digest.verdict == "adequate":
         return Twice(of, whole, None, ())
-    best = next((name for name in explanation.names if name in own), None)
-    alike = set() if best is None else set(explanation.alike(best, INSEPARABLE))
-    forbidden = tuple(sorted(own | alike))
+    tested = [name for name in explanation.names if name in own]
+    alike = {other for name in tested for other in explanation.alike(name, INSEPARABLE)}
+    known = {one.name for one in candidates}
+    forbidden = tuple(sorted((own | alike) & known))
     return Twice(of, whole, judged(forbidden)[0], forbidden)
 
 

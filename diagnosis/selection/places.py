@@ -78,7 +78,9 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
     there = [
         other
         for other in model.neighbours(name)
-        if other not in known and model.add_placed(other) is not None
+        if other not in known
+        and other not in selection.options.forbidden
+        and model.add_placed(other) is not None
     ]
     own = replace(fit.space.state(fit.x, seed=JUDGES[0][0]), effects=())
     states = [own.with_effects({one: amplitude}) for one in (name, *there)]

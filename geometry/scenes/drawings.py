@@ -53,7 +53,7 @@ class Section:
 
 
 def read_section(path: str | Path, kind: str | None = None) -> Section:
-    """Read the outlines of a CSV, GeoJSON or DXF file, or of a grid of FLAC2D.
+    """Read the outlines of a CSV, GeoJSON, DXF or GeoStudio file, or of a grid of FLAC2D.
 
     Args:
         path: the drawing.
@@ -517,7 +517,7 @@ def _read_grid(path: Path) -> Section:
 def _read_geostudio(path: Path) -> Section:
     """The regions of a file of GeoStudio, each with the name of its material."""
     found = read_gsz(path)
-    section = Section(left_out=found.left_out)
+    section = Section(left_out=found.left_out, unit=found.unit or None)
     for name, line in found.zones.items():
         _add(section, name, line, str(path), closed=True)
         section.properties[name] = {"material": found.materials[name]}

@@ -1,17 +1,21 @@
 """Files of GeoStudio (`.gsz`) as outlines: every region is a zone.
 
 A `.gsz` is a zip that holds an XML document under the file's own name. Read of it are `Geometries`
-(points, and regions by the numbers of their points), and which material each region has in the
-first analysis (`Contexts`, `Materials`). Strengths, unit weights and water are not: the document
-does not say their units, and they depend on the analysis. Everything that is not read is listed.
-Structure after M. Rousseau, PyGeoStudio 0.4.3, which reads and writes these files.
+(points, and regions by the numbers of their points), the system of units (`Coordinates`), and which
+material each region has in the first analysis (`Contexts`, `Materials`). Strengths, unit weights
+and water depend on the analysis and are not read. Everything that is left out is listed. Structure
+after M. Rousseau, PyGeoStudio 0.4.3, which reads and writes these files.
 """
 
 from __future__ import annotations
 
+import lzma
+import math
 import re
 import zipfile
+import zlib
 from collections import Counter
+from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -25,7 +29,10 @@ SUFFIX = ".gsz"
 #: Bytes of a document beyond which it is no section: a small zip may hold any number.
 MOST = 50_000_000
 #: Parts of a document that say nothing of the section before the slide.
-SILENT = {"FileInfo", "Analyses", "Geometries", "Contexts", "Materials", "View", "Views", "Graphs"}
+SILENT = {"FileInfo", "Analyses", "Geometries", "Contexts", "Materials", "View", "Views", "Graphs",
+          "Coordinates"}  # fmt: skip
+#: System of units -> unit of length.
+SYSTEMS = {"metric": "m", "imperial": "ft"}
 
 
 @dataclass
@@ -36,11 +43,13 @@ class Regions:
         zones: name -> vertices, in the file's unit of length.
         materials: name of the zone -> name of its material, where the file gives one.
         left_out: what else the file holds, a line each.
+        unit: of length; empty: the file does not say.
     """
 
     zones: dict[str, list[Point]] = field(default_factory=dict)
     materials: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
+    unit: str = ""
 
 
 def read_gsz(path: Path) -> Regions:
@@ -56,11 +65,19 @@ def read_gsz(path: Path) -> Regions:
     points = _points(geometries[0], path)
     materials, changed = _materials(root, path)
     found = Regions()
+    for system in root.findall("Coordinates/EngCoords"):
+        word = system.attrib.get("UnitSystem", "")
+        found.unit = SYSTEMS.get(word.lower(), word)
+    numbers: set[str] = set()
     for region in geometries[0].findall("Regions/Region"):
         number = _text(region, "ID", path)
         corners = [word.strip() for word in _text(region, "PointIDs", path).split(",")]
-        if unknown := next((corner for corner in corners if corner not in points), None):
-            _refuse(path, f"region {number}: there is no point {unknown}")
+        _once(number, numbers, "regions", path)
+        numbers.add(number)
+        if unknown := [corner for corner in corners if corner not in points]:
+            _refuse(path, f"region {number}: there is no point {unknown[0]!r}")
+        if len(set(corners)) < 3:
+            _refuse(path, f"region {number}: has fewer than three points")
         material = materials.get(f"Regions-{number}")
         if material is None:
             found.left_out.append(f"region {number}: the first analysis gives it no material")
@@ -82,8 +99,6 @@ def read_gsz(path: Path) -> Regions:
 
 def _document(path: Path) -> ElementTree.Element:
     """The XML document in the zip."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
     try:
         with zipfile.ZipFile(path) as archive:
             names = [one for one in archive.infolist() if re.fullmatch(r"[^/]*\.xml", one.filename)]
@@ -94,13 +109,16 @@ def _document(path: Path) -> ElementTree.Element:
                 _refuse(path, f"its document has {own[0].file_size / 1e6:.0f} MB; allowed are 50")
             with archive.open(own[0]) as file:
                 text = file.read(MOST + 1)
-    except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError) as error:
-        _refuse(path, f"is no file of GeoStudio ({error})")
-    if len(text) > MOST or b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+    except RuntimeError:  # what is in it is encrypted
+        _refuse(path, "is locked by a password")
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError) as error:
+        _refuse(path, f"is no file of GeoStudio, or is damaged ({error})")
+    # Zeros are of another encoding, in which a declaration would not be seen.
+    if len(text) > MOST or any(word in text for word in (b"<!DOCTYPE", b"<!ENTITY", b"\0")):
         _refuse(path, "its document is none of GeoStudio")
     try:
         return ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
         _refuse(path, f"its document cannot be read ({error})")
 
 
@@ -108,39 +126,53 @@ def _points(geometry: ElementTree.Element, path: Path) -> dict[str, Point]:
     points: dict[str, Point] = {}
     for point in geometry.findall("Points/Point"):
         try:
-            points[point.attrib["ID"]] = (float(point.attrib["X"]), float(point.attrib["Y"]))
+            place = (float(point.attrib["X"]), float(point.attrib["Y"]))
+            number = point.attrib["ID"]
         except (KeyError, ValueError):
             _refuse(path, f"a point has {point.attrib}; it needs ID, X and Y")
+        if not all(map(math.isfinite, place)):
+            _refuse(path, f"point {number}: lies at {place}")
+        _once(number, points, "points", path)
+        points[number] = place
     return points
 
 
 def _materials(root: ElementTree.Element, path: Path) -> tuple[dict[str, str], list[str]]:
     """Region -> name of its material in the first analysis; where later ones have another."""
-    words = {
-        _text(one, "ID", path): _word(_text(one, "Name", path))
-        for one in root.findall("Materials/Material")
-    }
-    often = Counter(words.values())
-    names = {key: word if often[word] == 1 else f"{word}_{key}" for key, word in words.items()}
+    words: dict[str, str] = {}
+    for one in root.findall("Materials/Material"):
+        number = _text(one, "ID", path)
+        _once(number, words, "materials", path)
+        words[number] = _word(_text(one, "Name", path))
+    alike = len(set(words.values())) < len(words)
+    names = {key: f"{word}_{key}" if alike else word for key, word in words.items()}
     used: dict[str, str] = {}
+    read = ""
     changed: list[str] = []
     for context in root.findall("Contexts/Context"):
         own = {}
         for entry in context.find("GeometryUsesMaterials") or ():
             region, number = entry.attrib.get("ID", ""), entry.attrib.get("Entry", "")
+            if not number:
+                continue
             if number not in names:
                 _refuse(path, f"{region}: there is no material {number!r}")
             own[region] = names[number]
-        if not used:
-            used = own
-            continue
         number = context.findtext("AnalysisID", "?")
+        if not used:
+            used, read = own, number
+            continue
         changed += [
-            f"{region} is {name!r} in analysis {number}; {used[region]!r} was read"
+            f"{region} is {name!r} in analysis {number}; {used[region]!r}, of analysis {read}, was read"
             for region, name in own.items()
             if used.get(region, name) != name
         ]
     return used, changed
+
+
+def _once(number: str, there: Container[str], what: str, path: Path) -> None:
+    if number in there:
+        _refuse(path, f"two {what} have the number {number}")
 
 
 def _text(element: ElementTree.Element, tag: str, path: Path) -> str:

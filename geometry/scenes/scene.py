@@ -425,6 +425,12 @@ class Scene(Document):
         low, high = self.extent
         return high - low
 
+    @property
+    def sliding_height(self) -> float:
+        """From the lowest soil that liquefies to the top [m]; of all where none is marked."""
+        soft = [zone.polygon for zone in self.zones if self.materials[zone.material].liquefied]
+        return self.extent[1] - extent(soft)[0] if soft else self.height
+
     def end(self, side: Side) -> float:
         """Place x [m] where the outline of the section ends on one side."""
         x = [place for zone in self.zones for place, _ in zone.polygon]

@@ -19,7 +19,7 @@ from pipeline.cli import InputError
 
 #: Places across a column, each way, at which the thickness of its soil is read: of the points, and
 #: of the volume that they are compared with.
-PARTS, FINER_PARTS = 8, 11
+PARTS, FINER_PARTS = 6, 7
 #: Slices of less than this share of a full point's volume are left out.
 LEAST = 0.01
 #: Places that are read at once.
@@ -112,7 +112,21 @@ def _columns(scene: Scene3d) -> Iterator[np.ndarray]:
     rows = max(BATCH // (FINER_PARTS**2 * len(y)), 1)
     for first in range(0, len(x), rows):
         grid = np.meshgrid(x[first : first + rows], y, indexing="ij")
-        yield np.stack(grid, axis=-1).reshape(-1, 2)
+        plan = np.stack(grid, axis=-1).reshape(-1, 2)
+        yield plan[_may_hold_soil(scene, plan)]
+
+
+def _may_hold_soil(scene: Scene3d, plan: np.ndarray) -> np.ndarray:
+    """Columns (n,) with soil anywhere at 4 x 4 places, edges included: most of a map has none."""
+    ground = scene.ground
+    assert ground is not None
+    across = scene.spacing * np.linspace(-0.5, 0.5, 4)
+    found = np.zeros(len(plan), bool)
+    for x in across:
+        for y in across:
+            place = (plan + (x, y)).T
+            found |= ground.surface.at(*place) > ground.base.at(*place)
+    return found
 
 
 def _pieces(scene: Scene3d, plan: np.ndarray, parts: int) -> list[_Piece]:

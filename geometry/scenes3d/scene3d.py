@@ -158,14 +158,26 @@ class Scene3d:
         return self.document.terrain.origin if self.document.terrain else (0.0, 0.0)
 
     @property
-    def height(self) -> float:
-        """Height of the section, or the greatest thickness of soil between the rasters [m]."""
+    def sliding_height(self) -> float:
+        """Height of what slides of the section, or the greatest thickness of the zones [m]."""
         if self.ground is None:
             assert self.section is not None  # a document has one or the other
-            return self.section.height
+            return self.section.sliding_height
         surface, base = self.ground.surface, self.ground.base
-        places = np.stack(np.meshgrid(*surface.axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return float((surface.values.ravel() - base.at(*places.T)).max())
+        x_min, x_max, y_min, y_max = plan_domain(self)
+        thickest = 0.0
+        for raster in (surface, base):
+            x, y = raster.axes
+            x, y = x[(x >= x_min) & (x <= x_max)], y[(y >= y_min) & (y <= y_max)]
+            place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2).T
+            low, high = base.at(*place), surface.at(*place)
+            soil = sum(
+                np.maximum(np.minimum(high, top.at(*place)) - np.maximum(low, bottom.at(*place)), 0)
+                for bottom, top in self.ground.limits
+            )
+            if np.size(soil):
+                thickest = max(thickest, float(np.max(np.minimum(soil, np.maximum(high - low, 0)))))
+        return thickest
 
     @property
     def crs(self) -> str:

@@ -92,7 +92,8 @@ class SmallCells(StrictDocument):
             seen: ln of the strength by which two spacings differ all the same.
             runs: that this took.
         """
-        coarse = max(USUAL_SPACINGS * scene.spacing / scene.height, 1.0)
+        spacings = max(scene.sliding_height / scene.spacing, 1.0)
+        coarse = max(USUAL_SPACINGS / spacings, 1.0)
         doubt = max(UNKNOWN_STD * coarse**ORDER, seen)
         words = f"{NAME}: not known: {why}"
         return cls(log_std=min(doubt, MOST_LOG), spacing_m=scene.spacing, words=words, runs=runs)

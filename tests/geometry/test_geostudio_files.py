@@ -18,7 +18,9 @@ REGIONS = {1: "1,2,3,7,4", 2: "7,3,5,6"}
 MATERIALS = {1: "Loose sand", 2: "Fill (dense)"}
 
 
-def document(points=POINTS, regions=REGIONS, materials=MATERIALS, uses=({1: 1, 2: 2},), more=""):
+def document(
+    points=POINTS, regions=REGIONS, materials=MATERIALS, uses=({1: 1, 2: 2},), more="", system=""
+):
     point = "".join(f'<Point ID="{k}" X="{x}" Y="{y}" />' for k, (x, y) in points.items())
     region = "".join(
         f"<Region><ID>{k}</ID><PointIDs>{corners}</PointIDs></Region>"
@@ -37,7 +39,8 @@ def document(points=POINTS, regions=REGIONS, materials=MATERIALS, uses=({1: 1, 2
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<GSIData Version="11"><FileInfo Title="a dam" />'
-        f"<Geometries Len='1'><Geometry><Name>2D</Name><Points Len='9'>{point}</Points>"
+        + (f'<Coordinates><EngCoords UnitSystem="{system}" /></Coordinates>' if system else "")
+        + f"<Geometries Len='1'><Geometry><Name>2D</Name><Points Len='9'>{point}</Points>"
         f"<Regions Len='2'>{region}</Regions><MeshId>3</MeshId></Geometry></Geometries>"
         f"<Materials Len='2'>{material}</Materials><Contexts Len='1'>{contexts}</Contexts>{more}"
         "</GSIData>"
@@ -81,12 +84,19 @@ def test_a_scene_is_made_with_the_strengths_of_another_file(tmp_path, capsys):
         main(words)  # nothing is made up
 
 
+@pytest.mark.parametrize(("system", "unit"), [("Imperial", "ft"), ("Metric", "m"), ("odd", "odd")])
+def test_the_unit_is_that_of_the_file(tmp_path, system, unit):
+    section = read_section(written(tmp_path, system=system))
+    assert section.unit == unit
+    assert not any("Coordinates" in line for line in section.left_out)
+
+
 def test_what_is_not_read_is_listed(tmp_path):
     more = "<Reinforcements Len='2'><R /><R /></Reinforcements><Functions Len='0' />"
     found = read_gsz(written(tmp_path, uses=({1: 1}, {1: 2, 2: 2}), more=more))
     assert found.left_out[:3] == [
         "region 2: the first analysis gives it no material",
-        "Regions-1 is 'Fill_dense' in analysis 2; 'Loose_sand' was read",
+        "Regions-1 is 'Fill_dense' in analysis 2; 'Loose_sand', of analysis 1, was read",
         "2 of Reinforcements",
     ]
     assert not any("Functions" in line for line in found.left_out)
@@ -95,6 +105,26 @@ def test_what_is_not_read_is_listed(tmp_path):
 def test_two_materials_of_one_word_keep_apart(tmp_path):
     found = read_gsz(written(tmp_path, materials={1: "Sand (1)", 2: "Sand 1"}))
     assert set(found.materials.values()) == {"Sand_1_1", "Sand_1_2"}
+
+
+def test_three_materials_that_would_share_words_keep_apart(tmp_path):
+    names = {1: "Sand", 2: "Sand", 3: "Sand 1"}
+    found = read_gsz(written(tmp_path, materials=names, uses=({1: 1, 2: 3},)))
+    assert set(found.materials.values()) == {"Sand_1", "Sand_1_3"}
+
+
+def test_a_region_that_an_analysis_leaves_empty_is_left_out(tmp_path):
+    found = read_gsz(written(tmp_path, uses=({1: 1, 2: ""},)))
+    assert list(found.zones) == ["Loose_sand_region_1"] and "region 2" in found.left_out[0]
+
+
+def test_a_damaged_stream_is_refused_in_one_line(tmp_path):
+    path = written(tmp_path)
+    data = bytearray(path.read_bytes())
+    data[60:80] = bytes(20)
+    path.write_bytes(bytes(data))
+    with pytest.raises(InputError, match="damaged|cannot be read|none of GeoStudio"):
+        read_gsz(path)
 
 
 def test_the_document_of_a_renamed_file_is_found(tmp_path):
@@ -108,7 +138,14 @@ def test_the_document_of_a_renamed_file_is_found(tmp_path):
         ({"text": "<GSIData><Geometries>"}, "its document cannot be read"),
         ({"text": '<!DOCTYPE a [<!ENTITY b "c">]><GSIData />'}, "is none of GeoStudio"),
         ({"name": "1/dam.xml"}, "holds 0 documents"),
-        ({"regions": {1: "1,2,99"}}, "region 1: there is no point 99"),
+        ({"regions": {1: "1,2,99"}}, "region 1: there is no point '99'"),
+        ({"regions": {1: "1,2,3,"}}, "region 1: there is no point ''"),
+        ({"regions": {1: "1,2,2"}}, "region 1: has fewer than three points"),
+        ({"points": {**POINTS, 9: ("inf", 0)}}, r"point 9: lies at \(inf, 0.0\)"),
+        ({"text": document().replace('ID="2" X', 'ID="1" X')}, "two points have the number 1"),
+        ({"text": document().replace("<ID>2</ID><P", "<ID>1</ID><P")}, "two regions have"),
+        ({"text": document().replace("<ID>2</ID><N", "<ID>1</ID><N")}, "two materials have"),
+        ({"text": document().encode("utf-16")}, "is none of GeoStudio"),
         ({"regions": {1: ""}}, "a Region has no PointIDs"),
         ({"points": {1: ("a", 0)}}, "a point has .* it needs ID, X and Y"),
         ({"uses": ({1: 7},)}, "Regions-1: there is no material '7'"),

