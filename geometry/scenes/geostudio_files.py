@@ -163,7 +163,8 @@ def _materials(root: ElementTree.Element, path: Path) -> tuple[dict[str, str], l
             used, read = own, number
             continue
         changed += [
-            f"{region} is {name!r} in analysis {number}; {used[region]!r}, of analysis {read}, was read"
+            f"{region} is {name!r} in analysis {number}; {used[region]!r}, of analysis {read}, was "
+            "read"
             for region, name in own.items()
             if used.get(region, name) != name
         ]
