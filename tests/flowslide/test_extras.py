@@ -124,6 +124,8 @@ def said(*words):
         assert main(words) == 0, words
     except SystemExit as end:
         assert end.code == 0, words
+"""
+LOOKED_UP = """
 for words, _ in leaves():
     said(*words.split(), "--help")
 said("--help")
@@ -131,15 +133,21 @@ said("check", "lower_san_fernando", "upper_san_fernando")
 said("catalogue")
 said("effects")
 said("settings", "check")
+said("completion", "bash")
+"""
+SCHEMAS = """
 for document in ("settings", "result", "posterior", "card", "verdict"):
     said("schema", document)
-said("completion", "bash")
 """
 
 
-def test_what_looks_up_needs_no_extra(tmp_path):
+@pytest.mark.parametrize("words", [LOOKED_UP, SCHEMAS], ids=["looked up", "schemas"])
+def test_what_looks_up_needs_no_extra(words, tmp_path):
     missing = ",".join(name for names in MODULES.values() for name in names)
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, missing], cwd=tmp_path, capture_output=True, text=True
+        [sys.executable, "-c", SCRIPT + words, missing],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr

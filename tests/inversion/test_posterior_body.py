@@ -55,7 +55,8 @@ def test_the_strength_of_a_body_and_what_else_is_unknown_of_it(tmp_path, by_form
     strength, fill = found.unknowns
     # 20 +- 2 m measured; a softer fill takes away up to half a metre a standard deviation.
     assert strength.after.median == pytest.approx(2.5, rel=0.1)
-    assert 0.1 < strength.after.std / 2.5 < 0.16
+    # Runout and fill leave 13 %; the cells, of five points in the height, far more.
+    assert 0.45 < strength.after.std / 2.5 < 0.65
     assert strength.ratio is not None
     assert strength.ratio.median == pytest.approx(strength.after.median / 50.0, rel=0.02)
     assert fill.after.std > 0.8  # one runout says little of it
