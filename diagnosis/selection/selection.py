@@ -125,8 +125,10 @@ class Selection:
             surface = surface.with_ladders({n: ladders[n] for n in key if not surface.knows(n)})
             seeds = ANCHORED if surface.space.effects else self.comparison.base.seeds
             found = refit(self.explanation.context, surface, key, seeds=seeds, rival=rival)
-            if found is None:
+            # A search that the allowance has cut short is half a rival: nothing is named beside it.
+            if found is None or f"refit of {' + '.join(key)}" in self.runs.cut_short:
                 self.tried.untried.append(key)
+            if found is None:
                 return None
             self._keep(found)
         return self.tried.models[key]

@@ -42,7 +42,8 @@ class TriedModels:
         models: by their effects.
         way: adopted models in order, the base model first.
         first: refits of the first round, by candidate, with the condition each failed.
-        untried: requested models that were not fitted: no runs were left, or all failed.
+        untried: requested models that were not fitted, or not to the end: too few runs were left,
+            or all failed.
         context: at which models are compared; once effects were adopted, with the error they bring.
         doubted: tests of the current model with the error that its effects bring, C'; None: it has
             no effects, or the runs for it were not allowed.

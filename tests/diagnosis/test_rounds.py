@@ -117,6 +117,17 @@ def test_an_engineer_rules_an_effect_out():
     assert verdict.forbidden == ["late"]
 
 
+@pytest.mark.parametrize(
+    ("allowance", "said"),
+    [(70, "ambiguous"), (90, "ambiguous"), (100, "ambiguous"), (130, "identified")],
+)
+def test_beside_a_rival_whose_search_was_cut_short_no_name_is_given(allowance, said):
+    verdict = verdict_on(1, {"late": 2.0}, allowance=allowance)
+    assert (verdict.verdict, names(verdict)) == (said, ("late",))
+    halves = {words for words in verdict.runs.cut_short if words.startswith("refit of ")}
+    assert ("refit of bend" in halves) == (said == "ambiguous")
+
+
 def refitted(ln_evidence: float, total: float, held_out: float, *names: str) -> FittedModel:
     """As much of a refit as acceptance looks at; five numbers held out."""
     p = float(np.exp(-0.5 * max(held_out - 3.0, 0.0)))

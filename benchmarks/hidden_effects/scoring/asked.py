@@ -41,6 +41,7 @@ class Asked:
 
 ASKED = (
     Asked("false_attribution", "nulls to which an effect is attributed", 0.03, least=False),
+    Asked("false_verdict", "nulls to which a name or a family is given", 0.03, least=False),
     Asked("false_alarm", "nulls with an alarm", 0.08, least=False),
     Asked("precision", "right, when one effect is named (singles and nulls)", 0.90),
     Asked("precision_all_kinds", "the same with pairs and strangers, which one name cannot "
@@ -61,6 +62,7 @@ ASKED = (
     Asked("pair_half", "pairs of which at least one effect is found", None),
     Asked("explained_away", "strangers explained away by effects of the library", 0.30,
           least=False),
+    Asked("named_away", "strangers to which a name or a family is given", 0.10, least=False),
     Asked("explained_unlike", "the same without those whose law the named effect has, too", None),
     Asked("curve_recovered", "strangers that are a strength law: its curve recovered", None),
     Asked("law_found", "the same, or a law of the library named that runs like it", None),

@@ -199,6 +199,7 @@ def score(judged: Sequence[Judged]) -> Score:
     laws = [one for one in outside if one.curve_found is not None]
     shares = {
         "false_attribution": Share.of(one.attributed for one in nulls),
+        "false_verdict": Share.of(one.digest.verdict == "identified" for one in nulls),
         "false_alarm": Share.of(one.alarmed for one in nulls),
         "precision": Share.of(one.right for one in named),
         "precision_all_kinds": Share.of(one.right for one in judged if one.named is not None),
@@ -216,6 +217,9 @@ def score(judged: Sequence[Judged]) -> Score:
         "pair_exact_25": Share.of(one.found_exactly for one in pairs if (one.beside or 0.0) >= 25),
         "pair_half": Share.of(one.found_half for one in pairs),
         "explained_away": Share.of(one.explained_away for one in outside),
+        "named_away": Share.of(
+            one.digest.verdict == "identified" and not one.right for one in outside
+        ),
         "explained_unlike": Share.of(one.explained_away and not one.like_law for one in outside),
         "curve_recovered": Share.of(one.curve_found for one in laws),
         "law_found": Share.of(one.law_found for one in laws),
