@@ -276,29 +276,19 @@ def _run(arguments: argparse.Namespace, config: Config) -> int:
 
 
 def _strangers(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects import strangers
     from benchmarks.hidden_effects.making.benchmark import Places
-    from benchmarks.hidden_effects.strangers import (
-        FOLDER as VERDICTS,
-    )
-    from benchmarks.hidden_effects.strangers import (
-        HEADER,
-        load_twice,
-        rows_of,
-        run_twice,
-        save_twice,
-        single_things,
-    )
-    from benchmarks.hidden_effects.strangers import (
-        RECORD as SHIPPED,
-    )
 
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
-    record = Path(arguments.record) if arguments.record else SHIPPED
-    total = len(single_things(places)[part.k :: part.n])
-    files = places.out.glob(f"{VERDICTS}/*.json")
-    _keep_origin(places.out / f"{VERDICTS}_{JUDGED_BY}", _judged_by(places, config), files)
+    record = Path(arguments.record or strangers.RECORD)
+    total = len(strangers.single_things(places)[part.k :: part.n])
+    _keep_origin(
+        places.out / f"{strangers.FOLDER}_{JUDGED_BY}",
+        _judged_by(places, config),
+        places.out.glob(f"{strangers.FOLDER}/*.json"),
+    )
     with Progress(total, "diagnosing twice", quiet=arguments.quiet) as progress:
-        found = run_twice(
+        found = strangers.run_twice(
             places,
             config,
             Path(arguments.benchmark).stem,
@@ -307,8 +297,8 @@ def _strangers(arguments: argparse.Namespace, config: Config) -> int:
             runs=arguments.runs,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
-    save_twice(found, record)
-    print(table(HEADER, rows_of(load_twice(record))))
+    strangers.save_twice(found, record)
+    print(table(strangers.HEADER, strangers.rows_of(strangers.load_twice(record))))
     return 0
 
 

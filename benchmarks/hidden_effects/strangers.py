@@ -8,65 +8,59 @@ explained away, on the same slides. Both verdicts share their simulations.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from pydantic import Field
 
 from benchmarks.generated_pages import ROOT, table
 from benchmarks.hidden_effects.foreign.hidden import THINGS
 from benchmarks.hidden_effects.making.benchmark import Places
 from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
 from benchmarks.hidden_effects.run import Part
-from benchmarks.hidden_effects.scoring.by_other_codes import ByCode
+from benchmarks.hidden_effects.scoring.by_other_codes import gives_name, is_right
 from benchmarks.hidden_effects.scoring.calibration import covers
 from benchmarks.hidden_effects.scoring.digest import Digest, digest_of
+from benchmarks.hidden_effects.scoring.opened import save_rows
 from benchmarks.hidden_effects.scoring.records import read_truth
 from benchmarks.hidden_effects.scoring.score import INSEPARABLE, Judged
 from diagnosis.case import diagnosis_case
 from diagnosis.hypotheses.model import Candidate
+from diagnosis.selection.explain import Explanation
 from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 from pipeline.config import Config, validate_settings
-from pipeline.files import read_json, write_json, write_text
+from pipeline.documents import StrictDocument
+from pipeline.files import read_json, write_json
 
 FOLDER = "strangers"
 RECORD = ROOT / "benchmarks" / "hidden_effects" / "strangers_results.json"
 #: What a row keeps of a truth; what was measured is in the record of its set.
 KEPT = ("name", "kind", "source", "section", "survey", "effects", "parameters", "lambda")
-WHOLE, WITHOUT = "whole", "without"
 
 
-@dataclass(frozen=True)
-class Twice:
-    """A slide and its two verdicts.
+class Twice(StrictDocument):
+    """A slide and its two verdicts: a row of the record."""
 
-    Attributes:
-        of: words for its set.
-        whole: by the whole library.
-        without: by one that lacks what was hidden; None: nothing was to be explained.
-        forbidden: candidates that it lacks.
-    """
-
-    of: str
-    whole: Judged
-    without: Judged | None
-    forbidden: tuple[str, ...]
+    of: str = Field(description="words for its set")
+    truth: dict[str, Any] = Field(description="what `KEPT` names of it")
+    forbidden: list[str] = Field(description="candidates that the second library lacks")
+    whole: Digest = Field(description="by the whole library")
+    without: Digest | None = Field(description="without them; null: nothing was to be explained")
 
     @property
-    def row(self) -> dict[str, Any]:
-        """As a record has it."""
-        without = None if self.without is None else self.without.digest.model_dump(mode="json")
-        return {
-            "set": self.of,
-            "truth": {key: value for key, value in self.whole.truth.items() if key in KEPT},
-            "forbidden": list(self.forbidden),
-            WHOLE: self.whole.digest.model_dump(mode="json"),
-            WITHOUT: without,
-        }
+    def by_whole(self) -> Judged:
+        """The first verdict with the truth."""
+        return Judged(self.truth, self.whole)
+
+    @property
+    def by_rest(self) -> Judged | None:
+        """The second."""
+        return None if self.without is None else Judged(self.truth, self.without)
 
 
 def stands_for(truth: Mapping[str, Any], candidates: Sequence[Candidate]) -> set[str]:
@@ -101,22 +95,27 @@ def judge_twice(
     case = diagnosis_case(load_case(folder, config))
     candidates = case.model(store).candidates
 
-    def judged(forbidden: tuple[str, ...]) -> tuple[Judged, Any]:
+    def judged(forbidden: Sequence[str]) -> tuple[Digest, Explanation]:
         model = case.model(store)  # anew: a diagnosis adds the places that it has sought
         options = case.options(model)
         found = diagnose(model, replace(options, forbidden=(*options.forbidden, *forbidden)))
-        digest = digest_of(verdict_document(found, case=case.name, title=case.title))
-        return Judged(truth, digest), found.explanation
+        document = verdict_document(found, case=case.name, title=case.title)
+        return digest_of(document), found.explanation
 
     whole, explanation = judged(())
     own = stands_for(truth, candidates)
-    if not own or whole.digest.verdict == "adequate":
-        return Twice(of, whole, None, ())
-    tested = [name for name in explanation.names if name in own]
-    alike = {other for name in tested for other in explanation.alike(name, INSEPARABLE)}
-    known = {one.name for one in candidates}
-    forbidden = tuple(sorted((own | alike) & known))
-    return Twice(of, whole, judged(forbidden)[0], forbidden)
+    forbidden: list[str] = []
+    if own and whole.verdict != "adequate":
+        tested = [name for name in explanation.names if name in own]
+        alike = {other for name in tested for other in explanation.alike(name, INSEPARABLE)}
+        forbidden = sorted((own | alike) & {one.name for one in candidates})
+    return Twice(
+        of=of,
+        truth={key: value for key, value in truth.items() if key in KEPT},
+        forbidden=forbidden,
+        whole=whole,
+        without=judged(forbidden)[0] if forbidden else None,
+    )
 
 
 def run_twice(
@@ -139,16 +138,18 @@ def run_twice(
     for number, name in enumerate(mine, start=1):
         path = places.out / FOLDER / f"{name}.json"
         if path.is_file():
-            twice, words = from_row(read_json(path), str(path)), "was there"
+            twice = validate_settings(Twice, read_json(path), origin=str(path))
+            words = "was there"
         else:
             store = RunStore(runs, threads=threads)
             twice = judge_twice(
                 places.case(name), read_truth(places.truth(name)), of, store, config
             )
-            write_json(path, twice.row)
-            verdicts = [one.digest for one in (twice.whole, twice.without) if one is not None]
+            write_json(path, twice.model_dump(mode="json"))
             words = "; without: ".join(
-                f"{one.verdict} {' + '.join(one.effects)}".strip() for one in verdicts
+                f"{one.verdict} {' + '.join(one.effects)}".strip()
+                for one in (twice.whole, twice.without)
+                if one is not None
             )
         found.append(twice)
         on_case(number, len(mine), f"{name}: {words}")
@@ -167,33 +168,20 @@ def single_things(places: Places) -> list[str]:
     return [name for name in names if read_truth(places.truth(name)).get("kind") == "single"]
 
 
-def from_row(row: Mapping[str, Any], source: str) -> Twice:
-    """A slide from its row.
+def load_twice(path: Path) -> list[Twice]:
+    """A record of several sets; empty where there is none.
 
     Raises:
-        InputError: not of this form.
+        InputError: not of this form; one line.
     """
-    truth, without = row["truth"], row[WITHOUT]
-    digests = [
-        None if one is None else validate_settings(Digest, one, origin=source)
-        for one in (row[WHOLE], without)
-    ]
-    assert digests[0] is not None
-    second = None if digests[1] is None else Judged(truth, digests[1])
-    return Twice(row["set"], Judged(truth, digests[0]), second, tuple(row["forbidden"]))
-
-
-def load_twice(path: Path) -> list[Twice]:
-    """A record of several sets; empty where there is none."""
-    return [from_row(row, str(path)) for row in read_json(path)] if path.is_file() else []
+    rows = read_json(path) if path.is_file() else []
+    return [validate_settings(Twice, row, origin=str(path)) for row in rows]
 
 
 def save_twice(found: Sequence[Twice], path: Path) -> None:
-    """Add slides to a record, one line for each; of one that is there the newer verdicts stay."""
-    rows = {(one.of, one.whole.truth["name"]): one.row for one in load_twice(path)}
-    rows |= {(one.of, one.whole.truth["name"]): one.row for one in found}
-    lines = [json.dumps(rows[key], separators=(",", ":"), allow_nan=False) for key in sorted(rows)]
-    write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
+    """Add slides to a record; of one that is there the newer verdicts stay."""
+    rows = {(one.of, one.truth["name"]): one for one in [*load_twice(path), *found]}
+    save_rows([rows[key].model_dump(mode="json") for key in sorted(rows)], path)
 
 
 HEADER = (
@@ -209,16 +197,16 @@ HEADER = (
 
 def rows_of(found: Sequence[Twice]) -> list[list[str]]:
     """What the whole library said of the slides that were judged twice, and one without."""
-    both = [one for one in found if one.without is not None]
+    both = [(one.by_whole, one.by_rest) for one in found if one.by_rest is not None]
     rows = []
     for words, cases in (
-        ("with what is hidden", [one.whole for one in both]),
-        ("without it", [one.without for one in both if one.without is not None]),
+        ("with what is hidden", [whole for whole, _ in both]),
+        ("without it", [rest for _, rest in both]),
     ):
-        named = [one for one in cases if _names(one)]
-        several = [one for one in cases if one.attributed and not _names(one)]
+        named = [one for one in cases if gives_name(one)]
+        several = [one for one in cases if one.attributed and not gives_name(one)]
         rows.append([
-            words, str(len(cases)), str(len(named)), str(sum(map(_right, named))),
+            words, str(len(cases)), str(len(named)), str(sum(map(is_right, named))),
             str(len(several)), str(len(cases) - len(named) - len(several)),
             str(sum(covers(one, "95%") for one in cases)),
         ])  # fmt: skip
@@ -230,28 +218,20 @@ EXPLAINED = ("set", "hidden", "named without it", "S_r off by: before", "by the 
 
 def explained(found: Sequence[Twice]) -> list[list[str]]:
     """What was named where the truth could not be, and what it made of the strength."""
-    return [
-        [
-            one.of, ", ".join(one.whole.hidden), " + ".join(one.without.digest.effects),
-            *(f"{100.0 * math.expm1(one.without.strength_error(stage)):+.0f} %"
-              for stage in ("base", "final")),
-        ]
-        for one in found
-        if one.without is not None and _names(one.without)
-    ]  # fmt: skip
+    rows = []
+    for one in found:
+        if one.by_rest is None or not gives_name(one.by_rest):
+            continue
+        off = [math.expm1(one.by_rest.strength_error(stage)) for stage in ("base", "final")]
+        hidden, named = ", ".join(one.truth["effects"]), " + ".join(one.by_rest.digest.effects)
+        rows.append([one.of, hidden, named, *(f"{100.0 * share:+.0f} %" for share in off)])
+    return rows
 
 
 def strangers_page() -> str:
     """The tables of docs/records/hidden-effects.md."""
     found = load_twice(RECORD)
-    named = explained(found)
     tables = [table(HEADER, rows_of(found), "lrrrrrr")]
-    return "\n\n".join(tables + ([table(EXPLAINED, named, "lllrr")] if named else []))
-
-
-def _names(one: Judged) -> bool:
-    return ByCode(one).answers if "source" in one.truth else one.named is not None
-
-
-def _right(one: Judged) -> bool:
-    return ByCode(one).right if "source" in one.truth else one.right
+    if named := explained(found):
+        tables.append(table(EXPLAINED, named, "lllrr"))
+    return "\n\n".join(tables)

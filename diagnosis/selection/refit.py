@@ -150,6 +150,11 @@ class FittedModel:
         return self.ln_evidence - 0.5 * below
 
 
+def refit_words(names: Sequence[str]) -> str:
+    """What is said of a refit that the allowance has cut short."""
+    return f"refit of {' + '.join(sorted(names))}"
+
+
 def first_guesses(surface: Surface, space: Unknowns) -> list[np.ndarray]:
     """Every combination of ladder amplitudes, with the anchor's parameters and own effects.
 
@@ -259,7 +264,7 @@ def refit(
     surrogate = Surrogate(surface, space, known)
     surrogate.recall(context.runs)
     guesses = first_guesses(surface, space)
-    what = f"refit of {' + '.join(space.names)}"
+    what = refit_words(space.names)
     if near is None:
         first = walk_the_valley(context, surrogate, guesses, what)
     else:

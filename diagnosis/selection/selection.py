@@ -22,6 +22,7 @@ from diagnosis.selection.refit import (
     FittedModel,
     judge,
     refit,
+    refit_words,
     weighed,
     with_own_derivative,
 )
@@ -126,7 +127,7 @@ class Selection:
             seeds = ANCHORED if surface.space.effects else self.comparison.base.seeds
             found = refit(self.explanation.context, surface, key, seeds=seeds, rival=rival)
             # A search that the allowance has cut short is half a rival: nothing is named beside it.
-            if found is None or f"refit of {' + '.join(key)}" in self.runs.cut_short:
+            if found is None or refit_words(key) in self.runs.cut_short:
                 self.tried.untried.append(key)
             if found is None:
                 return None

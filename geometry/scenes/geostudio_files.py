@@ -14,7 +14,6 @@ import math
 import re
 import zipfile
 import zlib
-from collections import Counter
 from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +24,6 @@ from pipeline.cli import InputError
 
 Point = tuple[float, float]
 
-SUFFIX = ".gsz"
 #: Bytes of a document beyond which it is no section: a small zip may hold any number.
 MOST = 50_000_000
 #: Parts of a document that say nothing of the section before the slide.
@@ -87,13 +85,11 @@ def read_gsz(path: Path) -> Regions:
         found.materials[name] = material
     found.left_out += changed
     found.left_out += [
-        f"{count} of {kind}"
-        for kind, count in sorted(
-            Counter({one.tag: len(one) for one in root if one.tag not in SILENT}).items()
-        )
-        if count
+        f"{len(one)} of {one.tag}"
+        for one in sorted(root, key=lambda part: part.tag)
+        if len(one) and one.tag not in SILENT
     ]
-    found.left_out.append("strengths, unit weights and water: give them by --materials and --water")
+    found.left_out.append("strengths, unit weights and water: see --materials, and scene.yaml")
     return found
 
 

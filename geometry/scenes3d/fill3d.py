@@ -79,12 +79,12 @@ def fill_terrain(scene: Scene3d) -> Points3d:
             position.append(np.column_stack([piece.plan[column], level]))
             volume.append(piece.volume[column] / slices[column])
             zone.append(np.full(len(column), piece.zone, np.int32))
-    place, held, chosen = (np.concatenate(parts) for parts in (position, volume, zone))
     for number, entry in enumerate(terrain.zones):
-        if not np.any(chosen == number):
+        if not any(np.any(part == number) for part in zone):
             raise InputError(
                 f"{scene.name}: zone {entry.name!r} holds no point at a spacing of {d:g} m"
             )
+    place, held, chosen = (np.concatenate(parts) for parts in (position, volume, zone))
     # On hollow ground the middle of a column lies deeper than its soil does on the whole.
     place[:, 2] = np.maximum(place[:, 2], ground.base.at(place[:, 0], place[:, 1]) + 0.01 * d)
     names = list(terrain.materials)
@@ -184,12 +184,8 @@ def _limits(scene: Scene3d, plan: np.ndarray) -> list[tuple[np.ndarray, np.ndarr
     terrain, ground = scene.document.terrain, scene.ground
     assert terrain is not None and ground is not None
     tested = plan + np.asarray(BORDER_SHIFT) * scene.spacing
-    low, high = (raster.at(*plan.T) for raster in (ground.base, ground.surface))
     found = []
-    for entry, (bottom, top) in zip(terrain.zones, ground.limits, strict=True):
-        under, over = np.maximum(low, bottom.at(*plan.T)), np.minimum(high, top.at(*plan.T))
-        if entry.plan is not None:
-            inside = contains(np.asarray(entry.plan, float), tested)
-            over = np.where(inside, over, under)
-        found.append((under, np.maximum(over, under)))
+    for entry, (under, over) in zip(terrain.zones, ground.zones_at(*plan.T), strict=True):
+        inside = True if entry.plan is None else contains(np.asarray(entry.plan, float), tested)
+        found.append((under, np.where(inside, over, under)))
     return found

@@ -137,6 +137,18 @@ class Ground3d:
     after: Raster | None
     limits: tuple[tuple[Raster, Raster], ...]  # bottom and top of each zone
 
+    def zones_at(self, x: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Elevation below and above each zone at places [m], wherever its plan is.
+
+        Both are the same where the zone has no soil.
+        """
+        low, high = self.base.at(x, y), self.surface.at(x, y)
+        found = []
+        for bottom, top in self.limits:
+            under = np.maximum(low, bottom.at(x, y))
+            found.append((under, np.maximum(np.minimum(high, top.at(x, y)), under)))
+        return found
+
 
 @dataclass(frozen=True)
 class Scene3d:
@@ -170,13 +182,9 @@ class Scene3d:
             x, y = raster.axes
             x, y = x[(x >= x_min) & (x <= x_max)], y[(y >= y_min) & (y <= y_max)]
             place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2).T
-            low, high = base.at(*place), surface.at(*place)
-            soil = sum(
-                np.maximum(np.minimum(high, top.at(*place)) - np.maximum(low, bottom.at(*place)), 0)
-                for bottom, top in self.ground.limits
-            )
-            if np.size(soil):
-                thickest = max(thickest, float(np.max(np.minimum(soil, np.maximum(high - low, 0)))))
+            soil = np.sum([over - under for under, over in self.ground.zones_at(*place)], axis=0)
+            most = np.maximum(surface.at(*place) - base.at(*place), 0.0)  # where zones overlap
+            thickest = max(thickest, float(np.max(np.minimum(soil, most), initial=0.0)))
         return thickest
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from typing import get_args
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from geometry.scenes.polygon_checks import area
 from geometry.scenes.scene import save_scene
-from geometry.scenes3d.fill3d import fill_terrain
+from geometry.scenes3d.fill3d import drawn_volume, fill_terrain
 from geometry.scenes3d.scene3d import Scene3dDocument, load_scene_3d, plan_domain
 from geometry.survey3d.survey import LIBRARY, Survey3d
 from geometry.terrain.raster import Raster, write_raster
@@ -228,6 +229,15 @@ def test_a_zone_without_points_is_refused(terrain):
     zones = [{"name": "a", "material": "fill"}, {"name": "b", "material": "slimes"}]
     with pytest.raises(InputError, match="zone 'b' holds no point at a spacing of 1 m"):
         fill_terrain(load_scene_3d(terrain(zones)))
+
+
+def test_rasters_without_soil_between_them_are_refused(terrain):
+    folder = terrain([{"name": "all", "material": "fill"}], {"fill": SOILS["fill"]})
+    shutil.copy(folder / "base.tif", folder / "surface.tif")
+    scene = load_scene_3d(folder)
+    with pytest.raises(InputError, match="zone 'all' holds no point"):
+        fill_terrain(scene)
+    assert drawn_volume(scene) == 0.0 == scene.sliding_height
 
 
 def test_the_documents_of_the_page_are_valid(root):

@@ -37,10 +37,8 @@ def cells_of(spacing: float, cost: float = 0.04, noise: float = 0.0, toe=None) -
         return np.array([first, 30.0 - 25.0 * np.log(true / 20.0) + values[1] - 31.0])
 
     one = Cells(toes if toe is None else toe, ["0", "1"], parameters=PARAMETERS, noise=noise)
-    one.targets, one.scene = (
-        targets(50.0, 30.0),
-        SimpleNamespace(spacing=spacing, sliding_height=20.0),
-    )
+    one.targets = targets(50.0, 30.0)
+    one.scene = SimpleNamespace(spacing=spacing, sliding_height=20.0)
     return one
 
 

@@ -92,6 +92,16 @@ class ByCode:
         return self.judged.attributed and not (named and named <= alike)
 
 
+def gives_name(one: Judged) -> bool:
+    """A name, or of slides by the things of all families a family, is given."""
+    return ByCode(one).answers if "source" in one.truth else one.named is not None
+
+
+def is_right(one: Judged) -> bool:
+    """What is given stands for what was hidden."""
+    return ByCode(one).right if "source" in one.truth else one.right
+
+
 def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
     """Every figure of a set: `shares`, `families`, `things` and `strength`, as JSON has it."""
     cases = [ByCode(one) for one in judged]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from benchmarks.generated_pages import RECORDS, ROOT, table
 from benchmarks.hidden_effects.making.benchmark import load_benchmark
-from benchmarks.hidden_effects.scoring.by_other_codes import ByCode
+from benchmarks.hidden_effects.scoring.by_other_codes import gives_name, is_right
 from benchmarks.hidden_effects.scoring.digest import METHOD
 from benchmarks.hidden_effects.scoring.opened import judged, load_rows
 from benchmarks.hidden_effects.scoring.score import Judged
@@ -69,29 +69,19 @@ def row(opened: OpenedSet) -> list[str]:
         return [one for one in cases if one.truth["kind"] in kinds]
 
     nulls, singles = of("null"), of("single")
-    given = [one for one in (*singles, *nulls) if _named(one)]
+    given = [one for one in (*singles, *nulls) if gives_name(one)]
     alarms, accused = (
         _count(nulls, test) for test in (lambda c: c.alarmed, lambda c: c.attributed)
     )
     return [
         opened.words, opened.slides, str(len(cases)), f"{alarms}, {accused} of {len(nulls)}",
-        _of(singles, _right), _of(given, _right),
+        _of(singles, is_right), _of(given, is_right),
         _of(of("outside"), lambda one: one.explained_away), *(
             _of(some, lambda one: one.strength_within)
-            for some in ([one for one in singles if _right(one)], nulls,
+            for some in ([one for one in singles if is_right(one)], nulls,
                          of("single", "pair", "outside"))
         ), f"`{opened.commit}`",
     ]  # fmt: skip
-
-
-def _right(one: Judged) -> bool:
-    """What is given stands for what was hidden."""
-    return ByCode(one).right if "source" in one.truth else one.right
-
-
-def _named(one: Judged) -> bool:
-    """A name, or of slides by the things of all families a family, is given."""
-    return ByCode(one).answers if "source" in one.truth else one.named is not None
 
 
 def _count(cases: Sequence[Judged], test: Callable[[Judged], bool]) -> int:
