@@ -20,5 +20,5 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
-PHYSICS_VERSION = 6
+PHYSICS_VERSION = 7
 """Raised whenever the same scene and settings give other numbers; part of every cache key."""

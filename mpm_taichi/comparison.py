@@ -198,6 +198,7 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
         case.feet,
         positions[-1],
         positions[0],
+        run.initial_volume,
         volume=run.bulk_volume if moved else None,
         positions=positions,
         time=run.time if moved else run.time[[0, -1]],

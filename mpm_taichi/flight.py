@@ -205,7 +205,7 @@ class Flight:
             pressure**2 * moduli[:, layout.BULK_COMPLIANCE]
             + shear * moduli[:, layout.SHEAR_COMPLIANCE]
         )
-        return float(stored.sum()) * self.prepared.points.volume
+        return float(stored @ self.prepared.volume)
 
     def _scale(self) -> float:
         """Energy below which a surplus is not a concern: all points lifted by a spacing [J/m]."""
@@ -249,8 +249,9 @@ class Flight:
         positions = np.repeat(points.position.astype(np.float32)[None], len(self.frames), axis=0)
         positions[:, order] = np.stack(self.frames)
         history = slots.history[where]
-        volume = np.full(total, points.volume, np.float32)
-        volume[order] = points.volume * (1.0 + history[:, layout.VOLUMETRIC])
+        volume = points.volume.astype(np.float32)
+        initial_volume = volume.copy()
+        volume[order] = prepared.volume * (1.0 + history[:, layout.VOLUMETRIC])
         energies = np.stack(self.energies)
         potential = np.array([self._potential(frame) for frame in self.frames])
         names = {
@@ -276,6 +277,7 @@ class Flight:
             stress=whole(slots.stress[where]),
             initial_stress=whole(slots.initial_stress[where]),
             plastic_shear_strain=whole(history[:, layout.SHEAR]),
+            initial_volume=initial_volume,
             volume=volume,
             energy=energy,
             audit=self._audit(energy, history, slots, slot),
@@ -297,16 +299,16 @@ class Flight:
         kept = float(energy["kinetic"][-1] + energy["elastic"][-1] - energy["elastic"][0])
         contact = float(energy["contact_loss"][-1])
         numerical = released - kept - float(energy["plastic"][-1]) - contact
-        volume = self.prepared.points.volume
+        share = self.prepared.volume / self.prepared.volume.sum()
         audit: dict[str, float | int | str] = {
             "mass_kg_per_m": float(self.prepared.mass.sum()),
             "released_j_per_m": released,
             "plastic_share": float(energy["plastic"][-1]) / released if released > 0 else 0.0,
             "contact_share": contact / released if released > 0 else 0.0,
             "numerical_share": numerical / released if released > 0 else 0.0,
-            "volume_growth": float(np.mean(history[:, layout.VOLUMETRIC])),
-            "volume_opened": float(np.mean(history[:, layout.OPENING])),
-            "volume_m2": volume * len(history),
+            "volume_growth": float(share @ history[:, layout.VOLUMETRIC]),
+            "volume_opened": float(share @ history[:, layout.OPENING]),
+            "volume_m2": float(self.prepared.volume.sum()),
             "settle_steps": int(slots.integers[slot, layout.SETTLE_STEPS]),
             "settle_unbalanced": float(slots.numbers[slot, layout.UNBALANCED]),
             "peak_kinetic_j_per_m": self.peak,

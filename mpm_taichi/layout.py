@@ -66,10 +66,10 @@ ALARM, SETTLE_STEPS, STEPS, SUBSTEPS = range(8, 12)
 FRAMES_DONE, GROWN, EFFECTS_ON = range(12, 15)
 INTEGERS = 15
 # Columns of `numbers`, in SI.
-CELL, VOLUME, FRAME_TIME, PIC_RATE, GRAVITY, COURANT, WAVE_SPEED, SPEED = range(8)
-FIXED_STEP, DAMPING, UNBALANCED, RELIEF, TIME_STEP, BLEND, SHARE, SMOOTHING = range(8, 16)
-ORIGIN_X, ORIGIN_Y, MEAN_OVERBURDEN, FRAME_START = range(16, 20)
-NUMBERS = 20
+CELL, FRAME_TIME, PIC_RATE, GRAVITY, COURANT, WAVE_SPEED, SPEED, FIXED_STEP = range(8)
+DAMPING, UNBALANCED, RELIEF, TIME_STEP, BLEND, SHARE, SMOOTHING, FRAME_START = range(8, 16)
+ORIGIN_X, ORIGIN_Y, MEAN_OVERBURDEN = range(16, 19)
+NUMBERS = 19
 
 IDLE, SETTLING, MOVING = 0, 1, 2
 """Phases of a slot."""
@@ -80,6 +80,7 @@ class PointState(NamedTuple):
 
     home: INDEX  # number of the node nearest to the point
     row: INDEX  # number of its row in the `MaterialTable`
+    volume: REAL  # at the start [m2]
     motion: VEC4  # OFFSET_X, OFFSET_Y [cells], -0.5 <= offset < 0.5; VELOCITY_X, VELOCITY_Y [m/s]
     gradient: VEC4  # of velocity: DVX_DX, DVY_DX, DVX_DY, DVY_DY [1/s]
     stress: VEC4  # XX, YY, ZZ, XY [Pa], tension positive
@@ -129,7 +130,7 @@ class MaterialTable(NamedTuple):
     elastic: VEC4  # SHEAR_MODULUS, BULK_MODULUS [Pa], SHEAR_COMPLIANCE 1/(2G), BULK_COMPLIANCE 1/K
     strength: VEC8  # constants of the material law, see its file in `materials`
     settle_strength: VEC8  # the same before failure, while the initial stress settles
-    point_mass: REAL  # of a point [kg/m]
+    density: REAL  # [kg/m3]
 
 
 SHEAR_MODULUS, BULK_MODULUS, SHEAR_COMPLIANCE, BULK_COMPLIANCE = range(4)
@@ -174,7 +175,6 @@ class Step(NamedTuple):
     columns: Any  # nodes in a column of the grid: neighbours along x are so far apart
     cell: Any  # [m]
     per_cell: Any  # 1 / cell
-    volume: Any  # of a point at the start [m2]
     dt: Any  # [s]
     blend: Any = 0.0  # share of PIC in this step
     share: Any = 0.0  # share of the pressure differences in a cell that this step removes

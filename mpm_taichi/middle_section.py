@@ -32,7 +32,7 @@ class MiddleSection(Run):
     area: np.ndarray | None = None  # (N,) [m2], at the end
 
     @property
-    def bulk_volume(self) -> np.ndarray | float:
+    def bulk_volume(self) -> np.ndarray:
         """Area of the points as a survey of the deposit sees it [m2]."""
         return super().bulk_volume if self.area is None else self.area
 
@@ -59,6 +59,7 @@ def middle_section(
     before, own, after = (np.flatnonzero(y == rows[middle + step]) for step in (-1, 0, 1))
     apart = run.positions[-1][after, 1] - run.positions[-1][before, 1]
     stretch = np.clip(apart.astype(float) / (rows[middle + 1] - rows[middle - 1]), *STRETCH)
+    area = problem.volume[own] / (rows[1] - rows[0])
     plane, stress = [0, 2], [0, 2, 1, 5]  # x, z; xx, zz, yy, xz of xx, yy, zz, xy, yz, xz
     return MiddleSection(
         scene=scene,
@@ -72,6 +73,7 @@ def middle_section(
         stress=run.stress[own][:, stress],
         initial_stress=run.initial_stress[own][:, stress],
         plastic_shear_strain=run.plastic_shear_strain[own],
+        initial_volume=area.astype(np.float32),
         volume=run.volume[own],
         energy={},
         audit=dict(run.audit),
@@ -79,5 +81,5 @@ def middle_section(
         reason=run.reason,
         wall_time_s=run.wall_time_s,
         steps=run.steps,
-        area=scene.spacing**2 / stretch,
+        area=area / stretch,
     )

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
     from pipeline.config import SimulationSettings
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 # Point fields in addition to the positions: (shape after the point axis, dtype). Meanings, units:
 # `Run`.
@@ -42,6 +42,7 @@ POINT_FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
     "stress": ((4,), np.float32),
     "initial_stress": ((4,), np.float32),
     "plastic_shear_strain": ((), np.float32),
+    "initial_volume": ((), np.float32),
     "volume": ((), np.float32),
 }
 FIELDS = ("positions", "time", *POINT_FIELDS, "energy")
@@ -76,6 +77,7 @@ class Run:
     stress: np.ndarray  # (N, 4) float32 [Pa] xx, yy, zz, xy, final
     initial_stress: np.ndarray  # (N, 4) float32 [Pa], after settling, at t = 0
     plastic_shear_strain: np.ndarray  # (N,) float32 [-], final
+    initial_volume: np.ndarray  # (N,) float32 [m2 per metre of width]
     volume: np.ndarray  # (N,) float32 [m2 per metre of width], final
     energy: dict[str, np.ndarray] = field(default_factory=dict)  # name -> (T,) float64 [J/m]
     audit: dict[str, float | int | str] = field(default_factory=dict)
@@ -129,15 +131,15 @@ class Run:
         return bool(self.time[-1] < self.settings.duration_s - 0.501 * frame_time)
 
     @property
-    def bulk_volume(self) -> np.ndarray | float:
-        """Volume of the points as a survey of the deposit sees it [m2].
+    def bulk_volume(self) -> np.ndarray:
+        """Volume of the points as a survey of the deposit sees it, (N,) float64 [m2].
 
-        One number, the volume they began with: a point's elastic expansion is not soil. Where an
-        effect lets soil dilate or contract, (N,) float64, what each has at the end.
+        The volume they began with, since a point's elastic expansion is not soil; where an effect
+        lets soil dilate or contract, what each has at the end.
         """
         if changes_volume(self.scene):
             return self.volume.astype(float)
-        return self.scene.spacing**2
+        return self.initial_volume.astype(float)
 
     @property
     def end_time_s(self) -> float:
@@ -282,7 +284,7 @@ def read_run(path: str | Path, index: int, fields: Sequence[str] | None = None) 
         settings = SimulationSettings.model_validate_json(attributes["settings"])
         run = Run.empty(scene, settings, reason=attributes["reason"])
         for name in wanted - {"energy"}:
-            setattr(run, name, group[name][...])
+            setattr(run, name, _array(group, name, scene))
         if "energy" in wanted:
             run.energy = {name: values[...] for name, values in group["energy"].items()}
         run.status = attributes["status"]
@@ -293,6 +295,13 @@ def read_run(path: str | Path, index: int, fields: Sequence[str] | None = None) 
         frames, points = int(attributes["frames"]), int(attributes["points"])
         _check_read(run, wanted, frames, points, f"{path}: {group_name(index)}")
     return run
+
+
+def _array(group: h5py.Group, name: str, scene: Scene) -> np.ndarray:
+    """An array of a run; in files of format 1 every point had the volume of a square."""
+    if name == "initial_volume" and int(group.attrs["format_version"]) < 2:
+        return np.full(int(group.attrs["points"]), scene.spacing**2, np.float32)
+    return group[name][...]
 
 
 def _check_read(run: Run, wanted: Collection[str], frames: int, points: int, where: str) -> None:

@@ -65,7 +65,9 @@ def solver_noise(samples: list[Sample]) -> dict[str, float]:
     for place, run in simulate_each([(scene, config.simulation) for scene in scenes]):
         one = samples[place]
         own = one.section.spacing * one.section.height
-        ended = outcome_of(one.section, run.positions[0], run.positions[-1], own)
+        ended = outcome_of(
+            one.section, run.positions[0], run.positions[-1], run.initial_volume, own
+        )
         if run.status != "failed" and ended is not None:
             again[place] = ended
     return judged_run([samples[place] for place in again], list(again.values())).row()

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
         counted = _blow_counts_beside(path, scene)
         points = fill(scene)
         area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
-        missed = len(points) * points.volume / area - 1.0
+        missed = points.volume.sum() / area - 1.0
         worst = max(worst, abs(missed))
         points_in_all += len(points)
         draws += scene.origin.draws if scene.origin else 0

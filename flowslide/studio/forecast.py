@@ -113,8 +113,9 @@ class Forecaster:
             if not _is_straight(np.array(scene.ground.points)):
                 raise InputError(f"{scene.name}: the direct model knows a straight base alone")
             section = section_of(scene, settings.gravity_m_per_s2)
-            points = fill(scene).position.astype(float)
-            self._begun = key, section, toes_of(section, points, scene.spacing)
+            points = fill(scene)
+            before = toes_of(section, points.position, points.volume, scene.spacing)
+            self._begun = key, section, before
         _, section, before = self._begun
         return with_strengths(section, scene), before
 

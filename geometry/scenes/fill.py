@@ -3,6 +3,10 @@
 The lattice counts from the left wall and the lowest ground, unless the scene has another
 `lattice_from_y`: points lie at (i + 1/2) spacing, so on level ground every grid cell that touches
 the base holds exactly `points_per_cell` points.
+
+A point carries the volume of the soil that it stands for, not of its square of the lattice: soil
+within squares whose middle lies outside its zone goes to the nearest points of the zone. So surface,
+base and every zone keep their volume at any spacing.
 """
 
 from __future__ import annotations
@@ -19,6 +23,9 @@ from pipeline.random_numbers import unit_array
 #: The shift points right and up: a point on a border belongs to the zone right of or above it.
 BORDER_SHIFT = (1e-7, 0.618e-7)
 
+#: Shares of a square that differ by less are the same: rounding of outlines far from zero.
+ROUNDED = 1e-9
+
 
 @dataclass(frozen=True)
 class MaterialPoints:
@@ -34,8 +41,8 @@ class MaterialPoints:
     """(N,) bool, points whose velocity is imposed."""
     velocity: np.ndarray
     """(N, 2) float64 [m/s]."""
-    volume: float
-    """Volume of one point [m2 per m of width]."""
+    volume: np.ndarray
+    """(N,) float64, of the soil that a point stands for [m2 per m of width]."""
 
     def __len__(self) -> int:
         return len(self.position)
@@ -49,12 +56,13 @@ def fill(scene: Scene) -> MaterialPoints:
     jitter x spacing / 2 in x and in y, drawn in lattice order from `seed`; a point that would sink
     below the ground or leave the domain stays where it was.
     """
-    position, zone = lattice_points(
-        scene.outlines(),
-        np.asarray(scene.ground.points, dtype=float),
-        (scene.domain.x_min, scene.lattice_y),
-        scene.spacing,
-    )
+    origin, outlines = (scene.domain.x_min, scene.lattice_y), scene.outlines()
+    ground = np.asarray(scene.ground.points, dtype=float)
+    position, zone = lattice_points(outlines, ground, origin, scene.spacing)
+    volume = np.empty(len(position))
+    for number, outline in enumerate(outlines):
+        own = zone == number
+        volume[own] = soil_held(position[own], outline, origin, scene.spacing)
     if scene.jitter:
         position = _jittered(scene, position)
     number = {name: i for i, name in enumerate(scene.material_names)}
@@ -67,7 +75,7 @@ def fill(scene: Scene) -> MaterialPoints:
         material=material_of_zone[zone],
         kinematic=kinematic_of_zone[zone],
         velocity=velocity_of_zone[zone],
-        volume=scene.spacing**2,
+        volume=volume,
     )
 
 
@@ -130,6 +138,78 @@ def lattice_points(
         zone[free[hit]] = number
     kept = (zone >= 0) & (lattice[:, 1] > np.interp(lattice[:, 0], ground[:, 0], ground[:, 1]))
     return lattice[kept], zone[kept]
+
+
+def soil_held(
+    points: np.ndarray, polygon: np.ndarray, origin: tuple[float, float], spacing: float
+) -> np.ndarray:
+    """Volume of the soil of a zone that each of its points holds, (N,) [m2 per m of width].
+
+    A point holds what its own square has of the zone, and its share of the squares without a point
+    that are nearer to it than to any other; points equally near share alike.
+
+    Args:
+        points: (N, 2) places of the lattice that belong to the zone [m].
+        polygon: (V, 2) vertices of the zone [m].
+        origin: (x, y) from which the lattice counts [m].
+        spacing: distance between points [m].
+    """
+    corner = np.floor((polygon.min(axis=0) - origin) / spacing).astype(int) - 1
+    share = covered_squares((polygon - origin) / spacing - corner)
+    own = np.floor((points - origin) / spacing).astype(int) - corner
+    held = share[own[:, 0], own[:, 1]]
+    lacking = share.copy()
+    lacking[own[:, 0], own[:, 1]] = 0.0
+    column, row = np.nonzero(lacking)
+    if len(own) and len(column):
+        taken = np.zeros(share.shape, bool)
+        taken[own[:, 0], own[:, 1]] = True
+        inner = taken.copy()
+        for axis in (0, 1):
+            inner &= np.roll(taken, 1, axis) & np.roll(taken, -1, axis)
+        rim = np.flatnonzero(~inner[own[:, 0], own[:, 1]])
+        apart = (own[rim, 0] - column[:, None]) ** 2 + (own[rim, 1] - row[:, None]) ** 2
+        nearest = apart == apart.min(axis=1, keepdims=True)
+        parts = nearest * (lacking[column, row] / nearest.sum(axis=1))[:, None]
+        held[rim] += parts.sum(axis=0)
+    return held * spacing**2
+
+
+def covered_squares(polygon: np.ndarray) -> np.ndarray:
+    """Share of every unit square that a polygon covers, (columns, rows), from (0, 0) on.
+
+    Exact: the outline is cut at the lines of the lattice, and each piece covers what lies below it,
+    with the sign of its direction.
+
+    Args:
+        polygon: (V, 2) vertices in order, none negative, in squares.
+    """
+    size = np.floor(polygon.max(axis=0)).astype(int) + 2
+    start, end = polygon, np.roll(polygon, -1, axis=0)
+    pieces = [_cut(*edge) for edge in zip(start, end, strict=True)]
+    first = np.concatenate([piece[:-1] for piece in pieces])
+    second = np.concatenate([piece[1:] for piece in pieces])
+    middle, width = 0.5 * (first + second), second[:, 0] - first[:, 0]
+    column, row = np.floor(middle).astype(int).T
+    below, within = np.zeros(size), np.zeros(size)
+    np.add.at(below, (column, row), width)
+    np.add.at(within, (column, row), width * (middle[:, 1] - row))
+    whole = np.cumsum(below[:, ::-1], axis=1)[:, ::-1] - below
+    share = np.abs(within + whole)
+    share[share < ROUNDED] = 0.0
+    share[np.abs(share - 1.0) < ROUNDED] = 1.0
+    return share
+
+
+def _cut(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """An edge with the points at which it crosses lines of the lattice, (n, 2)."""
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    along = [np.array([0.0, 1.0])]
+    for axis in (0, 1):
+        lines = np.arange(np.floor(low[axis]) + 1.0, np.ceil(high[axis]))
+        along.append((lines - start[axis]) / (end[axis] - start[axis]))
+    places = np.sort(np.concatenate(along))[:, None]
+    return start + places * (end - start)
 
 
 def _jittered(scene: Scene, position: np.ndarray) -> np.ndarray:

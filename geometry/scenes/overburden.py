@@ -17,19 +17,20 @@ WATER_DENSITY = 1000.0
 
 
 def vertical_effective_stress(
-    scene: Scene, position: np.ndarray, mass: np.ndarray, gravity: float
+    scene: Scene, position: np.ndarray, volume: np.ndarray, mass: np.ndarray, gravity: float
 ) -> np.ndarray:
     """Vertical effective stress at points that fill a section, (N,) [Pa], compression positive.
 
     Args:
         scene: with its spacing and water.
         position: of the points, (N, 2) [m].
+        volume: of the points, (N,) [m2 per m of width].
         mass: of the points, (N,) [kg/m].
         gravity: [m/s2].
     """
     spacing = scene.spacing
     wet = position[:, 1] < scene.phreatic_level(position[:, 0])
-    weight = gravity * (mass - WATER_DENSITY * spacing**2 * wet) / spacing
+    weight = gravity * (mass - WATER_DENSITY * volume * wet) / spacing
     column = np.floor((position[:, 0] - scene.domain.x_min) / spacing).astype(int)
     order = np.lexsort((-position[:, 1], column))
     running = np.cumsum(weight[order])
@@ -42,15 +43,16 @@ def vertical_effective_stress(
     return stress
 
 
-def stress_by_zone(
-    scene: Scene, position: np.ndarray, zone: np.ndarray, gravity: float
-) -> dict[str, np.ndarray]:
-    """Vertical effective stress of the points of each zone that has some, by name [kPa].
+def stress_in_kpa(
+    scene: Scene, position: np.ndarray, volume: np.ndarray, zone: np.ndarray, gravity: float
+) -> np.ndarray:
+    """`vertical_effective_stress` by the densities of the section, (N,) [kPa].
 
     Args:
         scene: the section.
         position: of the points that fill it, (N, 2) [m].
-        zone: of the points, (N,) place in the scene's zones.
+        volume: of them, (N,) [m2 per m of width].
+        zone: of them, (N,) place in the scene's zones.
         gravity: [m/s2].
     """
     wet = position[:, 1] < scene.phreatic_level(position[:, 0])
@@ -58,7 +60,12 @@ def stress_by_zone(
     dry = np.array([soil.density for soil in soils])
     saturated = [soil.saturated_density for soil in soils]
     soaked = np.array([d if s is None else s for s, d in zip(saturated, dry, strict=True)])
-    mass = np.where(wet, soaked[zone], dry[zone]) * scene.spacing**2
-    stress = 1e-3 * vertical_effective_stress(scene, position, mass, gravity)
-    parts = {one.name: stress[zone == number] for number, one in enumerate(scene.zones)}
-    return {name: own for name, own in parts.items() if len(own)}
+    mass = np.where(wet, soaked[zone], dry[zone]) * volume
+    return 1e-3 * vertical_effective_stress(scene, position, volume, mass, gravity)
+
+
+def mean_and_deviation(values: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    """Weighted mean and standard deviation of values (n,), in their unit."""
+    share = weight / weight.sum()
+    mean = float((share * values).sum())
+    return mean, float(np.sqrt((share * (values - mean) ** 2).sum()))

@@ -74,6 +74,7 @@ class Deposit:
         foot: Mapping[Side, float],
         position: np.ndarray,
         initial_position: np.ndarray,
+        initial_volume: np.ndarray | float,
         *,
         volume: np.ndarray | float | None = None,
         positions: np.ndarray | None = None,
@@ -81,18 +82,17 @@ class Deposit:
         at_rest: bool = True,
     ) -> Self:
         """Points of a simulated section; arguments as the attributes, `volume` None: unchanged."""
-        before = scene.spacing**2
         return cls(
             position=position,
             initial_position=initial_position,
-            volume=before if volume is None else volume,
+            volume=initial_volume if volume is None else volume,
             spacing=scene.spacing,
             foot=foot,
             ground=np.asarray(scene.ground.points, dtype=float),
             positions=positions,
             time=time,
             at_rest=at_rest,
-            initial_volume=before,
+            initial_volume=initial_volume,
             front=_fronts(scene, initial_position),
         )
 

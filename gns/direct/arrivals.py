@@ -35,23 +35,28 @@ class Arrivals:
     way: np.ndarray
 
 
-def arrivals_of(positions: np.ndarray, time: np.ndarray, spacing: float) -> Arrivals:
+def arrivals_of(
+    positions: np.ndarray, time: np.ndarray, volume: np.ndarray, spacing: float
+) -> Arrivals:
     """Arrival times of a run that came to rest.
 
     Args:
         positions: of its frames (T, N, 2) [m].
         time: of the frames (T,) [s].
+        volume: of its points (N,) [m2 per m of width].
         spacing: between its points before the slide [m].
     """
     return Arrivals(
-        np.stack([_of_toe(positions, time, spacing, side) for side in SIDES]),
-        _of_way(positions, time, spacing),
+        np.stack([_of_toe(positions, time, volume, spacing, side) for side in SIDES]),
+        _of_way(positions, time, volume, spacing),
     )
 
 
-def _of_way(positions: np.ndarray, time: np.ndarray, spacing: float) -> np.ndarray:
+def _of_way(
+    positions: np.ndarray, time: np.ndarray, volume: np.ndarray, spacing: float
+) -> np.ndarray:
     moved = positions.astype(float) - positions[0]
-    way = np.hypot(moved[..., 0], moved[..., 1]).mean(axis=1)
+    way = np.hypot(moved[..., 0], moved[..., 1]) @ (volume / volume.sum())
     if way[-1] < LEAST_WAY * spacing:
         return np.full(len(SHARES), np.nan)
     after = [max(int(np.argmax(way >= share * way[-1])), 1) for share in SHARES]
@@ -63,7 +68,9 @@ def _of_way(positions: np.ndarray, time: np.ndarray, spacing: float) -> np.ndarr
     )
 
 
-def _of_toe(positions: np.ndarray, time: np.ndarray, spacing: float, side: Side) -> np.ndarray:
+def _of_toe(
+    positions: np.ndarray, time: np.ndarray, volume: np.ndarray, spacing: float, side: Side
+) -> np.ndarray:
     """By bisection, since a toe is dear to read and goes outward but for the noise of its points.
 
     A share is passed between two neighbouring frames, the first below it and the second not.
@@ -73,7 +80,7 @@ def _of_toe(positions: np.ndarray, time: np.ndarray, spacing: float, side: Side)
     def travel(frame: int) -> float:
         if frame not in known:
             points = positions[frame].astype(float)
-            known[frame] = outward * toe(points, spacing**2, spacing=spacing, side=side)
+            known[frame] = outward * toe(points, volume, spacing=spacing, side=side)
         return known[frame] - known.get(0, known[frame])
 
     nothing = np.full(len(SHARES), np.nan)

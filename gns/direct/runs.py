@@ -47,6 +47,7 @@ class SlideRun:
         number: of the scene.
         scene: at the spacing of the run.
         initial: positions before the slide (N, 2) float32 [m]; final: after it.
+        volume: of the points before it (N,) float32 [m2 per m of width].
         seconds: computing time [s].
         at_rest: it stopped by itself.
         arrivals: when its toes and its soil got where.
@@ -56,6 +57,7 @@ class SlideRun:
     scene: Scene
     initial: np.ndarray
     final: np.ndarray
+    volume: np.ndarray
     seconds: float
     at_rest: bool
     arrivals: Arrivals
@@ -144,11 +146,16 @@ def read_runs(folder: Path) -> Iterator[SlideRun]:
     for path in files:
         with np.load(path, allow_pickle=False) as file:
             for number in file["numbers"]:
+                scene = Scene.model_validate_json(str(file[f"{number}_scene"]))
+                initial = file[f"{number}_fine_initial"]
+                # Before physics 7 every point had the volume of a square of the lattice.
+                squares = np.full(len(initial), scene.spacing**2, np.float32)
                 yield SlideRun(
                     int(number),
-                    Scene.model_validate_json(str(file[f"{number}_scene"])),
-                    file[f"{number}_fine_initial"],
+                    scene,
+                    initial,
                     file[f"{number}_fine_final"],
+                    file.get(f"{number}_fine_volume", squares),
                     float(file[f"{number}_fine_facts"][0]),
                     bool(file[f"{number}_fine_facts"][1]),
                     Arrivals(file[f"{number}_fine_toes_s"], file[f"{number}_fine_way_s"]),
@@ -172,8 +179,10 @@ def _kept(
 
 def _kept_of(number: int, scene: Scene, run: Run) -> SlideRun:
     first, last = run.positions[0].copy(), run.positions[-1].copy()
-    arrivals = arrivals_of(run.positions, run.time, run.scene.spacing)
-    return SlideRun(number, scene, first, last, run.wall_time_s, run.came_to_rest, arrivals)
+    volume = run.initial_volume
+    arrivals = arrivals_of(run.positions, run.time, volume, run.scene.spacing)
+    rests = run.came_to_rest
+    return SlideRun(number, scene, first, last, volume, run.wall_time_s, rests, arrivals)
 
 
 def _key(config: Config) -> str:
@@ -204,6 +213,7 @@ def _write(path: Path, key: str, runs: list[SlideRun]) -> None:
         arrays[f"{run.number}_scene"] = np.array(run.scene.model_dump_json())
         own = f"{run.number}_fine"
         arrays[f"{own}_initial"], arrays[f"{own}_final"] = run.initial, run.final
+        arrays[f"{own}_volume"] = run.volume
         arrays[f"{own}_facts"] = np.array([run.seconds, run.at_rest])
         arrays[f"{own}_toes_s"], arrays[f"{own}_way_s"] = run.arrivals.toes, run.arrivals.way
     path.parent.mkdir(parents=True, exist_ok=True)

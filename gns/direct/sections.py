@@ -280,7 +280,7 @@ class Outcome:
 
 
 def outcome_of(
-    section: Section, initial: np.ndarray, final: np.ndarray, spacing: float
+    section: Section, initial: np.ndarray, final: np.ndarray, volume: np.ndarray, spacing: float
 ) -> Outcome | None:
     """What a run left, read as a survey reads it; None: it went beyond the columns.
 
@@ -288,13 +288,13 @@ def outcome_of(
         section: of its scene.
         initial: positions before the slide (N, 2) [m].
         final: after it.
+        volume: of the points (N,) [m2 per m of width].
         spacing: between its material points [m].
     """
-    volume = spacing**2
     length = max(SMOOTHING * COLUMN * section.height, 0.5 * kernel_length(spacing))
     thickness = column_height(final.astype(float), volume, section.x, length=length)
     try:
-        toes, before = (toes_of(section, points, spacing) for points in (final, initial))
+        toes, before = (toes_of(section, points, volume, spacing) for points in (final, initial))
     except ValueError:  # nothing is left that is thick enough to be a dam
         return None
     if np.abs(toes).max() > HALF_WIDTH - COLUMN:
@@ -302,13 +302,15 @@ def outcome_of(
     return Outcome(thickness / section.height, toes, before)
 
 
-def toes_of(section: Section, points: np.ndarray, spacing: float) -> np.ndarray:
-    """Left and right toe of points (N, 2) [m], as a survey reads them, (2,) [heights].
+def toes_of(
+    section: Section, points: np.ndarray, volume: np.ndarray, spacing: float
+) -> np.ndarray:
+    """Left and right toe of points (N, 2) [m] with volumes (N,) [m2 per m of width], as a survey reads them, (2,) [heights].
 
     Raises:
         ValueError: nothing is thick enough to be a dam.
     """
-    at = [toe(points.astype(float), spacing**2, spacing=spacing, side=side) for side in SIDES]
+    at = [toe(points.astype(float), volume, spacing=spacing, side=side) for side in SIDES]
     return (np.array(at) - section.middle) / section.height
 
 

@@ -108,7 +108,7 @@ def split_of(run: int) -> str:
 def sample_of(run: SlideRun) -> Sample | None:
     """A run encoded; None where it left the columns."""
     section = _small(section_of(run.scene))
-    outcome = outcome_of(section, run.initial, run.final, run.scene.spacing)
+    outcome = outcome_of(section, run.initial, run.final, run.volume, run.scene.spacing)
     if outcome is None:
         return None
     origin = run.scene.origin

@@ -183,7 +183,7 @@ def simulated_surface(path: str | Path, scene: Scene) -> SurfaceAfter:
     runs = list_runs(path)
     if not runs:
         raise InputError(f"{path}: holds no run")
-    run = read_run(path, runs[0].index, ["positions", "volume"])
+    run = read_run(path, runs[0].index, ["positions", "initial_volume"])
     if run.scene.name != scene.name:
         raise InputError(f"{path}: holds a run of {run.scene.name!r}, not of {scene.name!r}")
     if not run.frames:
@@ -192,7 +192,7 @@ def simulated_surface(path: str | Path, scene: Scene) -> SurfaceAfter:
     last = run.positions[-1].astype(float)
     x = np.arange(last[:, 0].min() - spacing, last[:, 0].max() + 1.5 * spacing, spacing)
     ground = np.asarray(scene.ground.points, dtype=float)
-    y = surface_profile(last, spacing**2, x, spacing=spacing, ground=ground)
+    y = surface_profile(last, run.initial_volume, x, spacing=spacing, ground=ground)
     return SurfaceAfter(np.column_stack([x, y]), "simulated", str(path))
 
 

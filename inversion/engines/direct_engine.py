@@ -59,7 +59,7 @@ class Start:
     Attributes:
         setup: of the request that it was made for.
         section: its columns; before: toes before the slide, (2,) [heights].
-        initial: points before the slide (N, 2) [m]; zone: of each, (N,).
+        initial: points before the slide (N, 2) [m]; zone, volume [m2]: of each, (N,).
         read: the measurements on it, (m,); None: not read yet.
     """
 
@@ -68,6 +68,7 @@ class Start:
     before: np.ndarray
     initial: np.ndarray
     zone: np.ndarray
+    volume: np.ndarray
     read: np.ndarray | None = None
 
     def serves(self, setup: SectionSetup) -> bool:
@@ -219,9 +220,8 @@ class DirectEngine(Forward):
         section = section_of(scene, setup.settings.gravity_m_per_s2)
         points = fill(scene)
         initial = points.position.astype(float)
-        found = Start(
-            setup, section, toes_of(section, initial, scene.spacing), initial, points.zone
-        )
+        before = toes_of(section, initial, points.volume, scene.spacing)
+        found = Start(setup, section, before, initial, points.zone, points.volume)
         self._start = found if strengths else None
         return found
 
@@ -233,6 +233,7 @@ class DirectEngine(Forward):
             initial=asked.start.initial,
             final=final,
             zone=asked.start.zone,
+            initial_volume=asked.start.volume.astype(np.float32),
             vertical_stress=np.full(len(asked.start.initial), np.nan, np.float32),
             status="finished",
             reason="",

@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from gns.data.distance import FARTHEST
 from gns.data.scene_facts import SceneFacts, first_window, start_of
@@ -57,7 +58,7 @@ class Slide:
         setup: the question.
         scene: with all values put in.
         facts: of the scene.
-        start: positions at t = 0, (N, 2) [m].
+        start: positions at t = 0, (N, 2) [m]; volume: of the points, (N,) [m2].
         window: the first window (history, N, 2) [m].
         frames: most frames, t = 0 among them.
         scene_of: the scene in the model's units as a function of the unknown values.
@@ -69,6 +70,7 @@ class Slide:
     scene: Scene
     facts: SceneFacts
     start: np.ndarray
+    volume: np.ndarray
     window: np.ndarray
     frames: int
     scene_of: Callable[[Tensor], ScaledScene]
@@ -201,6 +203,7 @@ class GNSEngine(Forward):
             scene=scene,
             facts=facts,
             start=start,
+            volume=fill(scene).volume,
             window=first_window(start, facts, simulator.config.history),
             frames=max(frames_of(settings.duration_s, facts), 2),
             scene_of=scene_function(simulator.scaled(facts), facts, _unknowns(request)),
@@ -237,6 +240,7 @@ class GNSEngine(Forward):
         reading = RolloutReading(
             slide.setup,
             slide.scene,
+            slide.volume,
             slide.facts.frame_time,
             lambda: watch.at_rest if run is None else run.at_rest,
         )
@@ -277,7 +281,8 @@ class GNSEngine(Forward):
             scene=slide.scene,
             positions=frames,
             time=slide.facts.frame_time * np.arange(len(frames)),
-            bulk_volume=slide.scene.spacing**2,
+            initial_volume=slide.volume,
+            bulk_volume=slide.volume,
             came_to_rest=at_rest,
             status="failed" if reason else "finished",
             reason=reason,
@@ -286,6 +291,7 @@ class GNSEngine(Forward):
             initial=frames[0].copy(),
             final=frames[-1].copy(),
             zone=slide.facts.zone.astype(np.int32),
+            initial_volume=slide.volume.astype(np.float32),
             vertical_stress=np.full(slide.facts.points, np.nan, np.float32),
             status=run.status,
             reason=reason,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry.scenes.overburden import stress_by_zone
+from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
 from geometry.survey.measured import Deposit
 from inversion.engines.run_store import KeptRun
 from inversion.estimation.data import read, toes_by_eye
@@ -52,6 +52,7 @@ def deposit_of(setup: SectionSetup, run: KeptRun, *, last: bool = True) -> Depos
         setup.foot,
         (run.final if last else run.initial).astype(float),
         run.initial.astype(float),
+        run.initial_volume.astype(float),
         volume=run.volume if last else None,
         at_rest=run.at_rest or not last,
     )
@@ -60,11 +61,13 @@ def deposit_of(setup: SectionSetup, run: KeptRun, *, last: bool = True) -> Depos
 def _sigma_v0(setup: SectionSetup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
     """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
     gravity = setup.settings.gravity_m_per_s2
-    stress = stress_by_zone(setup.scene, run.initial.astype(float), run.zone, gravity)
-    mean, spread = [], []
+    volume = run.initial_volume.astype(float)
+    stress = stress_in_kpa(setup.scene, run.initial.astype(float), volume, run.zone, gravity)
+    found = []
     for spec in setup.parameters.specs:
-        own = [stress[name] for name in spec.zones if name in stress]
-        known = spec.property == RESIDUAL_STRENGTH and own
-        mean.append(float(np.concatenate(own).mean()) if known else np.nan)
-        spread.append(float(np.concatenate(own).std()) if known else np.nan)
-    return np.array(mean), np.array(spread)
+        zones = [number for number, one in enumerate(setup.scene.zones) if one.name in spec.zones]
+        own = np.isin(run.zone, zones)
+        known = spec.property == RESIDUAL_STRENGTH and own.any()
+        found.append(mean_and_deviation(stress[own], volume[own]) if known else (np.nan, np.nan))
+    mean, spread = np.array(found, dtype=float).reshape(-1, 2).T
+    return mean, spread

@@ -24,7 +24,8 @@ class RolledOut:
     scene: Scene
     positions: np.ndarray
     time: np.ndarray
-    bulk_volume: float
+    initial_volume: np.ndarray
+    bulk_volume: np.ndarray
     came_to_rest: bool
     status: str
     reason: str
@@ -36,6 +37,7 @@ class RolloutReading:
     Args:
         setup: the question.
         scene: with all values put in.
+        volume: of its points, (N,) [m2].
         frame_time: between two frames [s].
         at_rest: whether the rollout ended at rest, asked when it is over.
 
@@ -45,10 +47,16 @@ class RolloutReading:
     """
 
     def __init__(
-        self, setup: SectionSetup, scene: Scene, frame_time: float, at_rest: Callable[[], bool]
+        self,
+        setup: SectionSetup,
+        scene: Scene,
+        volume: np.ndarray,
+        frame_time: float,
+        at_rest: Callable[[], bool],
     ) -> None:
         self.setup = setup
         self.scene = scene
+        self.volume = volume
         self.frame_time = frame_time
         self.at_rest = at_rest
         self.wanted: np.ndarray | None = None
@@ -89,6 +97,7 @@ class RolloutReading:
             self.setup.foot,
             frames[-1],
             frames[0],
+            self.volume,
             positions=frames,
             time=self.frame_time * np.arange(len(frames)),
             at_rest=self.at_rest(),

@@ -21,7 +21,7 @@ from geometry.survey.measured import Reading
 from inversion.engines.content_store import ContentStore
 from inversion.engines.workers import Job, Workers
 from mpm_taichi.batch import run_key
-from mpm_taichi.effects import has_own_code
+from mpm_taichi.effects import changes_volume, has_own_code
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 AREA_OFF = 0.3
 
 _ARRAYS = {
-    "initial", "final", "zone", "vertical_stress", "volume", "status", "reason", "numbers"
+    "initial", "final", "zone", "initial_volume", "vertical_stress", "volume", "status", "reason",
+    "numbers",
 }  # fmt: skip
 # Names of the arrays of a reading begin so.
 _READ, _TROUBLE = "reading_", "trouble_"
@@ -51,6 +52,7 @@ class KeptRun:
         initial: positions before the slide (N, 2) float32 [m].
         final: positions after it, (N, 2) float32 [m].
         zone: (N,) int32, place in the scene's zones.
+        initial_volume: of the points before the slide, (N,) float32 [m2].
         vertical_stress: effective, before failure, compression positive, (N,) float32 [Pa].
         volume: of the points after the slide, (N,) float64 [m2]; None: as it was.
         status: "finished" or "failed"; reason: why.
@@ -62,6 +64,7 @@ class KeptRun:
     initial: np.ndarray
     final: np.ndarray
     zone: np.ndarray
+    initial_volume: np.ndarray
     vertical_stress: np.ndarray
     status: str
     reason: str
@@ -258,11 +261,11 @@ def _with_readings(old: KeptRun, new: KeptRun) -> KeptRun:
 def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
     """The stored part of a run, with the readings of `readers`."""
     end = float(run.time[-1]) if len(run.time) else 0.0
-    volume = run.bulk_volume
     return KeptRun(
         initial=run.positions[0].copy(),
         final=run.positions[-1].copy(),
         zone=run.zone,
+        initial_volume=run.initial_volume,
         vertical_stress=-run.initial_stress[:, 1],
         status=run.status,
         reason=run.reason,
@@ -270,7 +273,7 @@ def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
         at_rest=run.came_to_rest,
         wall_time_s=run.wall_time_s,
         readings={name: found for reader in readers for name, found in reader.read(run).items()},
-        volume=volume if isinstance(volume, np.ndarray) else None,
+        volume=run.bulk_volume if changes_volume(run.scene) else None,
     )
 
 
@@ -280,6 +283,7 @@ def arrays_of_run(run: KeptRun) -> dict[str, np.ndarray]:
         "initial": run.initial,
         "final": run.final,
         "zone": run.zone,
+        "initial_volume": run.initial_volume,
         "vertical_stress": run.vertical_stress,
         "status": np.array(run.status),
         "reason": np.array(run.reason),
@@ -307,6 +311,7 @@ def run_of_arrays(arrays: dict[str, np.ndarray]) -> KeptRun:
         initial=arrays["initial"],
         final=arrays["final"],
         zone=arrays["zone"],
+        initial_volume=arrays["initial_volume"],
         vertical_stress=arrays["vertical_stress"],
         status=str(arrays["status"]),
         reason=str(arrays["reason"]),
@@ -329,7 +334,8 @@ def is_of(run: KeptRun, scene: Scene) -> bool:
 
     A file that is whole may still be another program's, or have been cut and sealed again.
     """
-    lengths = {len(run.initial), len(run.final), len(run.zone), len(run.vertical_stress)}
-    covered = len(run.initial) * scene.spacing**2
+    arrays = (run.initial, run.final, run.zone, run.initial_volume, run.vertical_stress)
+    lengths = {len(values) for values in arrays}
+    covered = float(run.initial_volume.sum())
     section = sum(area(zone.polygon) for zone in scene.zones)
     return len(lengths) == 1 and abs(covered - section) <= AREA_OFF * section

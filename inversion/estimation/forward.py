@@ -189,8 +189,13 @@ class Recorded(Protocol):
         ...
 
     @property
-    def bulk_volume(self) -> float | np.ndarray:
-        """Of the points [m2]."""
+    def initial_volume(self) -> np.ndarray:
+        """Of the points before the slide, (N,) [m2]."""
+        ...
+
+    @property
+    def bulk_volume(self) -> np.ndarray:
+        """Of the points as a survey sees them at the end, (N,) [m2]."""
         ...
 
     @property
@@ -249,6 +254,7 @@ def deposit_of_run(run: Recorded, foot: Mapping[Side, float]) -> Deposit:
         foot,
         run.positions[-1].astype(float),
         run.positions[0].astype(float),
+        run.initial_volume,
         volume=run.bulk_volume,
         positions=run.positions,
         time=run.time,

@@ -17,9 +17,9 @@ import numpy as np
 
 from geometry.case import Case
 from geometry.scenes.fill import fill
-from geometry.scenes.overburden import stress_by_zone
+from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
 from geometry.scenes.polygon_checks import area
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Scene, Zone
 from geometry.survey.blow_counts import FILE_NAME, BlowCount
 from inversion.catalogue.correlations import RELATIONS, Relation
 from inversion.problem.question import ParameterSpec, Question
@@ -75,13 +75,15 @@ def layers_of(
     if not any(zone in counts for zone in zones):
         return []
     points = fill(scene)
-    stress = stress_by_zone(scene, points.position, points.zone, gravity)
-    areas = {zone.name: area(zone.polygon) for zone in scene.zones}
-    return [
-        Layer(zone, areas[zone], float(stress[zone].mean()), counts[zone])
-        for zone in zones
-        if zone in counts
-    ]
+    stress = stress_in_kpa(scene, points.position, points.volume, points.zone, gravity)
+
+    def layer(number: int, zone: Zone) -> Layer:
+        own = points.zone == number
+        mean, _ = mean_and_deviation(stress[own], points.volume[own])
+        return Layer(zone.name, area(zone.polygon), mean, counts[zone.name])
+
+    numbers = {zone.name: (number, zone) for number, zone in enumerate(scene.zones)}
+    return [layer(*numbers[zone]) for zone in zones if zone in counts]
 
 
 def estimate(relation: Relation, layers: Sequence[Layer]) -> Estimate:

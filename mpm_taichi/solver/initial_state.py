@@ -64,9 +64,10 @@ class PreparedScene:
     elastic: np.ndarray  # (R, 4) float32
     strength: np.ndarray  # (R, 8) float32
     settle_strength: np.ndarray  # (R, 8) float32
-    point_mass: np.ndarray  # (R,) float32, of a point of each row [kg/m]
+    density: np.ndarray  # (R,) float32 [kg/m3]
     variables: np.ndarray  # (R, V) float32, history variables of the law at t = 0
     soil: np.ndarray  # (R, 4) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa]
+    volume: np.ndarray  # (P,) float64 [m2]
     mass: np.ndarray  # (P,) float64 [kg/m]
     wave_speed: float  # m/s
     frame_time: float  # s
@@ -110,7 +111,7 @@ def prepare(
     kind, surroundings = nodes_of(scene, settings, points, grid)
     fixed = points.kinematic
     row, rows, densities = material_rows(scene, points)
-    mass_of_row = np.asarray(densities) * points.volume
+    mass = np.asarray(densities)[row] * points.volume
 
     resting = resting_points(scene, points) & ~fixed
     order = np.concatenate([np.flatnonzero(resting), np.flatnonzero(~resting & ~fixed)])
@@ -119,7 +120,7 @@ def prepare(
     stress = np.zeros((len(order), 4), np.float32)
     if settings.initial_stress != "gravity_on":
         lateral = np.array([settings.k0 or _k0(material) for material in rows])[row]
-        at_rest = k0_stress(scene, points, mass_of_row[row], lateral, settings.gravity_m_per_s2)
+        at_rest = k0_stress(scene, points, mass, lateral, settings.gravity_m_per_s2)
         stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
     moduli = [
         m.youngs_modulus_pa
@@ -145,10 +146,11 @@ def prepare(
         elastic=np.array([_elastic(material) for material in rows]),
         strength=_constants(rows, law.constants),
         settle_strength=_constants(rows, law.settling_constants),
-        point_mass=mass_of_row.astype(np.float32),
+        density=np.asarray(densities, np.float32),
         variables=_variables(rows, law),
         soil=np.array([_soil(material) for material in rows], np.float32),
-        mass=mass_of_row[row[order]],
+        volume=points.volume[order],
+        mass=mass[order],
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
         frame_time=settings.frame_interval
         * float(np.sqrt(scene.spacing / settings.gravity_m_per_s2)),
@@ -223,7 +225,7 @@ def k0_stress(
     scene: Scene, points: MaterialPoints, mass: np.ndarray, lateral: np.ndarray, gravity: float
 ) -> np.ndarray:
     """K0 stress (N, 4) [Pa] from the weight, less buoyancy, of the points above in the column."""
-    vertical = -vertical_effective_stress(scene, points.position, mass, gravity)
+    vertical = -vertical_effective_stress(scene, points.position, points.volume, mass, gravity)
     side = lateral * vertical
     return np.stack([side, vertical, side, np.zeros_like(side)], axis=1)
 

@@ -80,7 +80,13 @@ def smooth_cell(n, columns, smoothing, cell_mean: A):
 
 
 @ti.func
-def point_energy(p, volume, points: A, materials: A):
+def point_mass(p, points: A, materials: A):
+    """Mass of a point [kg/m]."""
+    return materials.density[points.row[p]] * points.volume[p]
+
+
+@ti.func
+def point_energy(p, points: A, materials: A):
     """Kinetic, elastic, dissipated energy [J/m] and squared speed of a point."""
     m = points.motion[p]
     s = points.stress[p]
@@ -88,11 +94,11 @@ def point_energy(p, volume, points: A, materials: A):
     squared = m[VELOCITY_X] * m[VELOCITY_X] + m[VELOCITY_Y] * m[VELOCITY_Y]
     mean = (s[XX] + s[YY] + s[ZZ]) * (1.0 / 3.0)
     shear = ((s[XX] - mean) ** 2 + (s[YY] - mean) ** 2 + (s[ZZ] - mean) ** 2) + 2.0 * s[XY] * s[XY]
-    strained = volume * (1.0 + points.history[p][VOLUMETRIC])
+    strained = points.volume[p] * (1.0 + points.history[p][VOLUMETRIC])
     stored = (
         strained * 0.5 * (mean * mean * moduli[BULK_COMPLIANCE] + shear * moduli[SHEAR_COMPLIANCE])
     )
-    kinetic = 0.5 * materials.point_mass[points.row[p]] * squared
+    kinetic = 0.5 * point_mass(p, points, materials) * squared
     return vec4(kinetic, stored, points.history[p][DISSIPATED], squared)
 
 
@@ -179,7 +185,7 @@ def point_functions(
             if shear > 0.0 and step.on & ti.static(effects.dilation_mask):
                 change, work = effects.dilate(p, step, state, shear, elastic[BULK_MODULUS])
                 points.stress[p] = new_stress + vec4(change, change, change, 0.0)
-                new[DISSIPATED] += work * step.volume * (1.0 + new[VOLUMETRIC])
+                new[DISSIPATED] += work * points.volume[p] * (1.0 + new[VOLUMETRIC])
                 points.history[p] = new
 
     @ti.func
@@ -193,7 +199,7 @@ def point_functions(
             step.columns,
             weight_x,
             weight_y,
-            step.volume,
+            points.volume[p],
             friction,
             adhesion,
             atomic,
@@ -205,7 +211,7 @@ def point_functions(
         points, nodes, materials = ti.static((state.points, state.nodes, state.materials))
         kind = nodes.kind[points.home[p]]
         scatter(
-            p, step, points, nodes.load, kind, materials.point_mass[points.row[p]], affine, atomic
+            p, step, points, nodes.load, kind, point_mass(p, points, materials), affine, atomic
         )
         if kind & NEAR:
             strength = strength_of(p, points, materials)
@@ -256,7 +262,8 @@ def point_functions(
         )
         points.stress[p] = new_stress
         kind = nodes.kind[node]
-        scatter(p, step, points, nodes.load, kind, materials.point_mass[r], False, atomic)
+        mass = point_mass(p, points, materials)
+        scatter(p, step, points, nodes.load, kind, mass, False, atomic)
         if kind & NEAR:
             scatter_strength(p, step, points, nodes.load, kind, strength, atomic)
 

@@ -46,7 +46,6 @@ from mpm_taichi.layout import (
     SUMS,
     TIME_STEP,
     TOP_SPEED,
-    VOLUME,
     WATER_WORK,
     WAVE_SPEED,
     YY,
@@ -84,7 +83,7 @@ def point_schedule(
         """The numbers of step `turn` of a frame."""
         integers, numbers = ti.static((slots.integers, slots.numbers))
         first_node, columns = integers[slot, FIRST_NODE], integers[slot, COLUMNS]
-        cell, volume = numbers[slot, CELL], numbers[slot, VOLUME]
+        cell = numbers[slot, CELL]
         dt, blend, share = numbers[slot, TIME_STEP], numbers[slot, BLEND], numbers[slot, SHARE]
         gravity, damping = numbers[slot, GRAVITY], numbers[slot, DAMPING]
         per_cell = 1.0 / cell
@@ -100,7 +99,6 @@ def point_schedule(
                 columns=columns,
                 cell=cell,
                 per_cell=per_cell,
-                volume=volume,
                 dt=dt,
                 blend=blend,
                 share=share,
@@ -116,7 +114,7 @@ def point_schedule(
         """The numbers of a step of settling."""
         integers, numbers = ti.static((slots.integers, slots.numbers))
         first_node, columns = integers[slot, FIRST_NODE], integers[slot, COLUMNS]
-        cell, volume = numbers[slot, CELL], numbers[slot, VOLUME]
+        cell = numbers[slot, CELL]
         per_cell, gravity = 1.0 / cell, numbers[slot, GRAVITY]
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
         return ti.static(
@@ -126,7 +124,6 @@ def point_schedule(
                 columns=columns,
                 cell=cell,
                 per_cell=per_cell,
-                volume=volume,
                 dt=dt,
                 gravity=gravity,
             )
@@ -259,7 +256,7 @@ def point_schedule(
         for p in range(slots * points):
             slot = p // points
             if integers[slot, PHASE] == MOVING and p < integers[slot, LAST_POINT]:
-                energy = point_energy(p, numbers[slot, VOLUME], state.points, state.materials)
+                energy = point_energy(p, state.points, state.materials)
                 for k in ti.static(range(3)):
                     ti.atomic_add(sums[slot, frame, k], ti.cast(energy[k], ti.f64))
                 ti.atomic_max(sums[slot, frame, TOP_SPEED], ti.cast(ti.sqrt(energy[3]), ti.f64))

@@ -149,6 +149,7 @@ class Slots:
         self.stress[where] = self.initial_stress[where] = scene.stress
         self.gradient[where] = self.history[where] = 0.0
         self.row[where] = scene.row + row
+        self.volume[where] = scene.volume
         rows = slice(row, row + len(scene.elastic))
         for name in layout.MaterialTable._fields:
             getattr(self, name)[rows] = getattr(scene, name)
@@ -166,7 +167,6 @@ class Slots:
         integers[layout.FRAME_COUNT] = self.frames
         numbers[:] = 0.0
         numbers[layout.CELL] = scene.grid.cell
-        numbers[layout.VOLUME] = scene.points.volume
         numbers[layout.FRAME_TIME] = scene.frame_time
         full = settings.transfer in ("apic", "pic")
         numbers[layout.PIC_RATE] = 1e30 if full else settings.pic_rate_per_s

@@ -46,7 +46,6 @@ from mpm_taichi.layout import (
     TILE,
     TOP_SPEED,
     UNBALANCED,
-    VOLUME,
     WATER_WORK,
     WAVE_SPEED,
     YY,
@@ -100,7 +99,7 @@ def scene_schedule(
         first, last = integers[slot, FIRST_POINT], integers[slot, LAST_SETTLED]
         first_node, last_node = integers[slot, FIRST_NODE], integers[slot, LAST_NODE]
         columns = integers[slot, COLUMNS]
-        cell, volume = numbers[slot, CELL], numbers[slot, VOLUME]
+        cell = numbers[slot, CELL]
         per_cell, gravity = 1.0 / cell, numbers[slot, GRAVITY]
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
         relaxation = ti.static(
@@ -110,7 +109,6 @@ def scene_schedule(
                 columns=columns,
                 cell=cell,
                 per_cell=per_cell,
-                volume=volume,
                 dt=dt,
                 gravity=gravity,
             )
@@ -170,7 +168,7 @@ def scene_schedule(
         total = ti.Vector([0.0, 0.0, 0.0], ti.f64)
         top = 0.0
         for p in range(first, last):
-            e = point_energy(p, numbers[slot, VOLUME], state.points, state.materials)
+            e = point_energy(p, state.points, state.materials)
             for k in ti.static(range(3)):
                 total[k] += ti.cast(e[k], ti.f64)
             top = ti.max(top, e[3])
@@ -190,7 +188,7 @@ def scene_schedule(
                 first_node, last_node = integers[slot, FIRST_NODE], integers[slot, LAST_NODE]
                 columns = integers[slot, COLUMNS]
                 tiles = (last - first + TILE - 1) // TILE
-                cell, volume = numbers[slot, CELL], numbers[slot, VOLUME]
+                cell = numbers[slot, CELL]
                 per_cell = 1.0 / cell
                 gravity, damping = numbers[slot, GRAVITY], numbers[slot, DAMPING]
                 smoothing = numbers[slot, SMOOTHING]
@@ -218,7 +216,6 @@ def scene_schedule(
                             columns=columns,
                             cell=cell,
                             per_cell=per_cell,
-                            volume=volume,
                             dt=dt,
                             blend=blend,
                             share=share,

@@ -172,7 +172,7 @@ def stress_functions(
             old[VOLUMETRIC] + strain,
             opened,
             old[SHEAR] + shear,
-            old[DISSIPATED] + work * step.volume * (1.0 + old[VOLUMETRIC]),
+            old[DISSIPATED] + work * points.volume[p] * (1.0 + old[VOLUMETRIC]),
         )
         return new, history, shear
 

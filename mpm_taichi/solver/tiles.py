@@ -163,7 +163,7 @@ def tile_functions(
             strength = vector_of(limits, lane, constants)
             own = vector_of(scratch.variables, lane, width)
             new, shear, work, off = stress.usual_return(trial, modulus, strength, own)
-            spent = work * step.volume * (1.0 + past[VOLUMETRIC])
+            spent = work * points.volume[p] * (1.0 + past[VOLUMETRIC])
             put(trials, lane, trial, 4)
             put(news, lane, new, 4)
             after = vec4(
@@ -190,7 +190,7 @@ def tile_functions(
                         own,
                     )
                     past[SHEAR] = old[SHEAR] + shear
-                    spent = work * step.volume * (1.0 + old[VOLUMETRIC])
+                    spent = work * points.volume[p] * (1.0 + old[VOLUMETRIC])
                     past[DISSIPATED] = old[DISSIPATED] + spent
                     if ti.static(corrected):
                         past[VOLUMETRIC] -= opening
@@ -208,7 +208,7 @@ def tile_functions(
                         p, step, state, shear, row_of(moduli, lane)[BULK_MODULUS]
                     )
                     points.stress[p] = new + vec4(change, change, change, 0.0)
-                    past[DISSIPATED] += work * step.volume * (1.0 + past[VOLUMETRIC])
+                    past[DISSIPATED] += work * points.volume[p] * (1.0 + past[VOLUMETRIC])
                     points.history[p] = past
 
     @ti.func
@@ -221,9 +221,10 @@ def tile_functions(
         start = bounded(first)
         end = ti.min(first + TILE, last)
         for index in range(first, end):
-            masses[index - first] = materials.point_mass[bounded(points.row[bounded(index)])]
+            masses[index - first] = materials.density[bounded(points.row[bounded(index)])]
         for lane in range(TILE):
             p = start + lane
+            masses[lane] *= points.volume[p]
             base, across, upward = contribution(p, step, points, masses[lane], affine)
             put(bases, lane, base, 4)
             put(acrosses, lane, across, 4)
@@ -256,7 +257,15 @@ def tile_functions(
                 if kind & NEAR:
                     friction, adhesion = ground_strength(strength_of(p, points, materials))
                     scatter_volume(
-                        nodes.load, node, step.columns, x, y, step.volume, friction, adhesion, False
+                        nodes.load,
+                        node,
+                        step.columns,
+                        x,
+                        y,
+                        points.volume[p],
+                        friction,
+                        adhesion,
+                        False,
                     )
 
     @ti.func

@@ -103,7 +103,7 @@ def scatter_at_edge(p, step: A, points: A, load: A, kind, mass, affine: A, atomi
     weight_y = edge_weights(motion[OFFSET_Y], kind & BASE_EDGE, 0)
     slope_x = edge_slopes(motion[OFFSET_X], kind & LEFT_EDGE, kind & RIGHT_EDGE)
     slope_y = edge_slopes(motion[OFFSET_Y], kind & BASE_EDGE, 0)
-    pull = -step.volume * (1.0 + points.history[p][VOLUMETRIC]) / step.cell
+    pull = -points.volume[p] * (1.0 + points.history[p][VOLUMETRIC]) / step.cell
     spread = step.cell if ti.static(affine) else 0.0
     for i in ti.static(range(3)):
         for j in ti.static(range(3)):
@@ -135,7 +135,7 @@ def contribution(p, step: A, points: A, mass, affine: A):
     (momentum x, y; internal force x, y).
     """
     motion, gradient, stress = points.motion[p], points.gradient[p], points.stress[p]
-    pull = (-4.0 * step.per_cell) * step.volume * (1.0 + points.history[p][VOLUMETRIC])
+    pull = (-4.0 * step.per_cell) * points.volume[p] * (1.0 + points.history[p][VOLUMETRIC])
     spread = mass * step.cell if ti.static(affine) else 0.0
     across = vec4(
         spread * gradient[DVX_DX], spread * gradient[DVY_DX], pull * stress[XX], pull * stress[XY]

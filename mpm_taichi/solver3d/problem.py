@@ -97,7 +97,7 @@ def extruded(
         name=scene.name,
         spacing=scene.spacing,
         position=position.reshape(-1, 3),
-        volume=np.full(count * rows, points.volume * width / rows),
+        volume=np.repeat(points.volume * width / rows, rows),
         material=np.repeat(points.material, rows),
         zone=np.repeat(points.zone, rows),
         materials=tuple(scene.materials.values()),

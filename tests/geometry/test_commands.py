@@ -73,7 +73,7 @@ def test_sample_follows_the_settings(tmp_path, capsys):
 def test_check(tmp_path, capsys, case_folder):
     main(["check", str(case_folder)])
     out = capsys.readouterr().out
-    assert "lower_san_fernando" in out and "6242" in out and "99.92 %" in out
+    assert "lower_san_fernando" in out and "6242" in out and "100.00 %" in out
     folder = str(tmp_path / "scenes")
     main(["scenes", "sample", "--scale", "large", "--indices", "0-9", "--out", folder, "--quiet"])
     main(["check", folder, "--quiet"])

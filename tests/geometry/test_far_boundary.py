@@ -92,7 +92,7 @@ def test_the_toe_is_that_of_the_fill():
     moved[points.zone == 0, 0] -= 3.0
     (entry,) = toe().chosen()
     at_start, after = (
-        Deposit.on(scene, {"left": 0.0, "right": 36.0}, now, points.position)
+        Deposit.on(scene, {"left": 0.0, "right": 36.0}, now, points.position, points.volume)
         for now in (points.position, moved)
     )
     assert entry.observe(after) - entry.observe(at_start) == pytest.approx([3.0])

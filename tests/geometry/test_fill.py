@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point, Polygon, box
 
 from geometry import Scene
-from geometry.scenes.fill import contains, fill
+from geometry.scenes.fill import contains, covered_squares, fill
 from geometry.scenes.polygon_checks import area
 from geometry.scenes.scene import scene_from_mapping
 from tests.budget import examples
@@ -26,7 +26,7 @@ def test_lattice_counts_from_wall_and_ground(make_scene):
     polygon = [(3.0, 0.0), (13.0, 0.0), (13.0, 6.0), (3.0, 6.0)]
     points = fill(make_scene([polygon], spacing=0.5))
     assert len(points) == 20 * 12
-    assert points.volume == 0.25
+    assert (points.volume == 0.25).all()
     np.testing.assert_allclose(points.position % 0.5, 0.25)
     np.testing.assert_allclose(points.position.min(axis=0), [3.25, 0.25])
     # Four points in every cell of twice the spacing that the base touches.
@@ -87,11 +87,10 @@ def test_area_and_zones_of_a_leaning_block(make_scene, x0, width, height, lean, 
     rings = [ring(0.0, middle), ring(middle, height)]
     points = fill(make_scene(rings, spacing=spacing))
     total = sum(area(r) for r in rings)
-    # Level edges cost up to half a row, upright ones up to half a column (drawn scenes whose area
-    # is off by more than 1 % are refused and drawn again).
-    edges = 0.5 * spacing * (width + height)
-    assert abs(len(points) * points.volume - total) < 0.01 * total + edges
+    assert points.volume.sum() == pytest.approx(total, rel=1e-9)
     for number, polygon in enumerate(rings):
+        held = points.volume[points.zone == number].sum()
+        assert held == pytest.approx(area(polygon), rel=1e-9)
         own = points.position[points.zone == number]
         shape = Polygon(polygon).buffer(1e-6 * spacing + 1e-9)
         assert all(shape.covers(Point(place)) for place in own[:: max(1, len(own) // 50)])
@@ -207,3 +206,50 @@ def test_many_edges_cost_little_more_than_few():
         assert np.count_nonzero(inside) == pytest.approx(4000 * np.pi * 16.0 / 100.0, rel=0.05)
         work.append(Counted.numbers)
     assert 1000 < work[1] < 1.5 * work[0]
+
+
+@some
+@given(
+    corners=st.lists(
+        st.tuples(st.floats(0, 12), st.floats(0, 9)), min_size=3, max_size=6, unique=True
+    )
+)
+def test_squares_are_covered_as_geometry_says(corners):
+    outline = Polygon(corners).convex_hull
+    assume(outline.area > 0.1)
+    hull = np.array(outline.exterior.coords)[:-1]
+    share = covered_squares(hull)
+    assert share.sum() == pytest.approx(outline.area, rel=1e-9)
+    for column, row in ((0, 0), (3, 2), (5, 4), (8, 1)):
+        expected = outline.intersection(box(column, row, column + 1, row + 1)).area
+        found = share[column, row] if column < share.shape[0] and row < share.shape[1] else 0.0
+        assert found == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_hollow_outline_covers_what_it_encloses():
+    ring = [(1, 1), (6, 1), (6, 5), (4, 5), (4, 2.5), (3, 2.5), (3, 5), (1, 5)]
+    share = covered_squares(np.array(ring, dtype=float))
+    assert share.sum() == pytest.approx(Polygon(ring).area)
+    assert share[3, 3] == 0.0 and share[3, 2] == pytest.approx(0.5) and share[1, 3] == 1.0
+
+
+def test_soil_without_a_point_of_its_own_goes_to_its_neighbours(make_scene):
+    """A wedge whose tip is thinner than half a spacing, and its mirror image."""
+    wedge = [(0.0, 0.0), (20.0, 0.0), (0.0, 4.0)]
+    points = fill(make_scene([wedge]))
+    assert points.position[:, 0].max() < 18.0 and points.volume.sum() == pytest.approx(40.0)
+    last = points.position[:, 0].argmax()
+    tip = 0.5 * 0.2 * (20.0 - points.position[last, 0] - 0.5) ** 2
+    assert points.volume[last] > tip
+    mirrored = fill(make_scene([[(100.0 - x, y) for x, y in wedge]]))
+    assert np.sort(mirrored.volume) == pytest.approx(np.sort(points.volume))
+
+
+@pytest.mark.parametrize("spacing", [0.4, 0.7, 1.0, 1.3])
+def test_a_thin_layer_keeps_its_volume_at_any_spacing(make_scene, spacing):
+    below = [(0.0, 0.0), (30.0, 0.0), (30.0, 3.1), (0.0, 2.3)]
+    seam = [(0.0, 2.3), (30.0, 3.1), (30.0, 4.7), (0.0, 3.9)]
+    points = fill(make_scene([below, seam], spacing=spacing))
+    for number, polygon in enumerate((below, seam)):
+        held = points.volume[points.zone == number].sum()
+        assert held == pytest.approx(Polygon(polygon).area, rel=1e-9)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from geometry.scenes.fill import fill
-from geometry.scenes.overburden import WATER_DENSITY, stress_by_zone, vertical_effective_stress
+from geometry.scenes.overburden import (
+    WATER_DENSITY,
+    mean_and_deviation,
+    stress_in_kpa,
+    vertical_effective_stress,
+)
 
 GRAVITY = 9.81
 SOIL = 2000.0
@@ -31,8 +36,8 @@ def block(make_scene, spacing=0.5, **more):
 def test_a_block_is_its_weight_less_the_water(make_scene, spacing, level, wet):
     scene = block(make_scene, spacing, water_level=level)
     points = fill(scene)
-    mass = np.full(len(points), SOIL * spacing**2)
-    found = vertical_effective_stress(scene, points.position, mass, GRAVITY)
+    mass = SOIL * points.volume
+    found = vertical_effective_stress(scene, points.position, points.volume, mass, GRAVITY)
     depth = 10.0 - points.position[:, 1]
     head = 0.0 if level is None else np.clip(min(level, 10.0) - points.position[:, 1], 0.0, None)
     expected = GRAVITY * (SOIL * depth - WATER_DENSITY * head)
@@ -44,14 +49,22 @@ def test_a_block_is_its_weight_less_the_water(make_scene, spacing, level, wet):
 
 def test_each_zone_has_its_own_and_the_saturated_density(make_scene):
     scene = block(make_scene, water_level=7.0)
-    deep, high = (zone.name for zone in scene.zones)
     soil = scene.zones[0].material
     document = scene.model_dump()
     document["materials"][soil]["saturated_density"] = 2200.0
     scene = type(scene).model_validate(document)
     points = fill(scene)
-    found = stress_by_zone(scene, points.position, points.zone, GRAVITY)
+    stress = stress_in_kpa(scene, points.position, points.volume, points.zone, GRAVITY)
+    deep, high = (
+        mean_and_deviation(stress[points.zone == zone], points.volume[points.zone == zone])
+        for zone in range(2)
+    )
     above = 3.0 * SOIL * GRAVITY * 1e-3
-    assert found[high].mean() == pytest.approx(0.5 * above)
-    assert found[deep].mean() == pytest.approx(above + 2.5 * 1200.0 * GRAVITY * 1e-3)
-    assert found[deep].std() == pytest.approx(5.0 / np.sqrt(12) * 1200.0 * GRAVITY * 1e-3, rel=0.01)
+    assert high[0] == pytest.approx(0.5 * above)
+    spread = 5.0 / np.sqrt(12) * 1200.0 * GRAVITY * 1e-3
+    assert deep == pytest.approx((above + 2.5 * 1200.0 * GRAVITY * 1e-3, spread), rel=0.01)
+
+
+def test_mean_and_deviation_go_by_weight():
+    values = np.array([1.0, 3.0])
+    assert mean_and_deviation(values, np.array([3.0, 1.0])) == pytest.approx((1.5, np.sqrt(0.75)))

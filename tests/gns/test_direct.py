@@ -39,15 +39,16 @@ def slid(number: int) -> SlideRun:
     from geometry.scenes.fill import fill
 
     scene = draw_dam(0, number, 2.0)
-    initial = fill(scene).position.astype(np.float32)
+    points = fill(scene)
+    initial, volume = points.position.astype(np.float32), points.volume
     final = initial.copy()
     weak = np.log10(scene.materials["first_lower"].cohesion_kpa + 1.0)
     final[:, 0] += (initial[:, 0] - initial[:, 0].mean()) * 0.3 * (2.5 - weak)
     shares = np.linspace(0.0, 1.0, 40)[:, None, None]
     frames = initial + shares * (final - initial)  # evenly, all points alike
     time = np.linspace(0.0, 10.0 - 2.0 * weak, 40)
-    arrivals = arrivals_of(frames, time, scene.spacing)
-    return SlideRun(number, scene, initial, final, 0.1, True, arrivals)
+    arrivals = arrivals_of(frames, time, volume, scene.spacing)
+    return SlideRun(number, scene, initial, final, volume, 0.1, True, arrivals)
 
 
 @pytest.fixture(scope="module")
@@ -257,16 +258,17 @@ def test_arrival_times_are_those_of_the_motion():
     scene = draw_dam(0, 3, 2.0)
     from geometry.scenes.fill import fill
 
-    start = fill(scene).position.astype(float)
+    points = fill(scene)
+    start, volume = points.position, points.volume
     time = np.linspace(0.0, 8.0, 81)
     far = 40.0 * (1.0 - (1.0 - time / 8.0) ** 2)  # braked evenly: all of it goes 40 m to the right
     frames = start + np.stack([far, np.zeros_like(far)], axis=1)[:, None]
-    found = arrivals_of(frames, time, 2.0)
+    found = arrivals_of(frames, time, volume, 2.0)
     exact = 8.0 * (1.0 - np.sqrt(1.0 - np.array(SHARES)))
     assert found.way == pytest.approx(exact, abs=0.02)
     assert found.toes[1] == pytest.approx(exact, abs=0.02)
     assert np.isnan(found.toes[0]).all()  # the left toe has gone inward
-    still = arrivals_of(np.repeat(start[None], 5, axis=0), time[:5], 2.0)
+    still = arrivals_of(np.repeat(start[None], 5, axis=0), time[:5], volume, 2.0)
     assert np.isnan(still.toes).all() and np.isnan(still.way).all()
 
 
@@ -364,7 +366,7 @@ def test_a_damaged_model_is_refused(tmp_path):
 def test_a_run_that_leaves_the_columns_is_left_out(section):
     points = np.column_stack([np.arange(0.0, 2000.0, 2.0), np.ones(1000)])
     stack = np.concatenate([points + [0.0, 2.0 * row] for row in range(4)])
-    assert outcome_of(section, stack, stack, 2.0) is None
+    assert outcome_of(section, stack, stack, np.full(len(stack), 4.0), 2.0) is None
     assert len(places()) == COLUMNS
 
 

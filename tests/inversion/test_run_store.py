@@ -27,6 +27,7 @@ def kept() -> KeptRun:
         initial=random.normal(size=(50, 2)).astype(np.float32),
         final=random.normal(size=(50, 2)).astype(np.float32),
         zone=np.arange(50, dtype=np.int32),
+        initial_volume=np.ones(50, np.float32),
         vertical_stress=random.normal(size=50).astype(np.float32),
         status="finished",
         reason="",
@@ -116,7 +117,8 @@ def sliding(monkeypatch):
                 place,
                 SimpleNamespace(
                     scene=one,
-                    bulk_volume=one.spacing**2,
+                    initial_volume=fill(one).volume,
+                    bulk_volume=fill(one).volume,
                     positions=before[None] - way[:, None, None] * np.array([1, 0], np.float32),
                     time=time,
                     zone=np.zeros(len(before), np.int32),

@@ -10,7 +10,7 @@ from shapely.geometry import Polygon
 
 from geometry.case import load_case
 from geometry.scenes.fill import fill
-from geometry.scenes.overburden import stress_by_zone
+from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
 from geometry.scenes.polygon_checks import gaps
 from geometry.scenes.scene import Scene, load_scene
 from geometry.survey.measurements import load_measurements
@@ -90,11 +90,12 @@ def test_upper_san_fernando_asks_for_a_bound():
     assert set(case.parameters.specs[0].zones) == liquefied <= set(case.blow_counts)
     # Undrained strengths: 0.8 x the published ratio x the mean overburden.
     points = fill(scene)
-    stress = stress_by_zone(scene, points.position, points.zone, 9.81)
+    stress = stress_in_kpa(scene, points.position, points.volume, points.zone, 9.81)
+    names = [zone.name for zone in scene.zones]
     for zone, ratio in (("core", 0.153), ("rolled_fill", 0.5)):
-        assert scene.materials[zone].cohesion_kpa == pytest.approx(
-            0.8 * ratio * stress[zone].mean(), abs=0.1
-        )
+        own = points.zone == names.index(zone)
+        mean, _ = mean_and_deviation(stress[own], points.volume[own])
+        assert scene.materials[zone].cohesion_kpa == pytest.approx(0.8 * ratio * mean, abs=0.1)
 
 
 def test_the_constructed_profile_of_lower_san_fernando_reads_as_measured():

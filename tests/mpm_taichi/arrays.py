@@ -9,7 +9,7 @@ COLUMNS = {"integers": layout.INTEGERS, "numbers": layout.NUMBERS, "sums": layou
 
 
 def arrays(points: int = 1, nodes: int = 1, rows: int = 1, **given: np.ndarray) -> dict:
-    """Name -> array of every array of the solver, zero but for those `given`, for one slot."""
+    """Name -> array of every array of the solver for one slot: `given`, points of volume 1, else 0."""
     numbers = {
         layout.SlotState: (1,),
         layout.PointState: (points,),
@@ -28,6 +28,7 @@ def arrays(points: int = 1, nodes: int = 1, rows: int = 1, **given: np.ndarray) 
             kinds = {"i32": np.int32, "f32": np.float32, "f64": np.float64}
             shape_here = (*shape, 1) if name == "positions" else shape
             result[name] = aligned(shape_here + ((width,) if width else ()), kinds[scalar])
+    result["volume"][...] = 1.0
     for name, values in given.items():
         if result[name].shape == np.shape(values):
             result[name][...] = values

@@ -80,7 +80,7 @@ def _compiled(one: Effect, program: object) -> tuple[EffectTable, Callable]:
             now = time
             step = ti.static(
                 Step(
-                    slot=0, first_node=0, columns=3, cell=cell, per_cell=1.0, volume=1.0, dt=dt,
+                    slot=0, first_node=0, columns=3, cell=cell, per_cell=1.0, dt=dt,
                     time=now, on=1,
                 )
             )  # fmt: skip

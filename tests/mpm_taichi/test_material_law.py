@@ -70,7 +70,7 @@ def shear_of(program: object):
         for p in range(state.points.home.shape[0]):
             step = ti.static(
                 Step(
-                    slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, volume=1.0, dt=dt,
+                    slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, dt=dt,
                 )
             )  # fmt: skip
             for _ in range(steps):

@@ -19,17 +19,17 @@ from mpm_taichi.solver.tiles import tile_functions
 from tests.mpm_taichi.arrays import arrays
 
 CELL, COLUMNS, NODES = 2.0, 12, 144
-VOLUME, MASS, STEP, SHARE, BLEND = 0.9, 1700.0, 2e-3, 0.3, 0.01
+STEP, SHARE, BLEND = 2e-3, 0.3, 0.01
 
 
 @ti.func
 def step_of(dt: A, state: A):
     """The numbers of a step; `dt` keeps them from being constants of the compiler."""
-    cell, volume = CELL * dt / STEP, VOLUME * dt / STEP
+    cell = CELL * dt / STEP
     per_cell, share, blend = 1.0 / cell, SHARE * dt / STEP, BLEND * dt / STEP
     return ti.static(
         Step(
-            slot=0, first_node=0, columns=COLUMNS, cell=cell, per_cell=per_cell, volume=volume,
+            slot=0, first_node=0, columns=COLUMNS, cell=cell, per_cell=per_cell,
             dt=dt, share=share, blend=blend,
         )
     )  # fmt: skip
@@ -105,7 +105,8 @@ def state(count: int, seed: int) -> dict[str, np.ndarray]:
         "gradient": array(random.normal(0, 0.5, (count, 4))), "stress": array(stress),
         "history": array(history), "row": array(random.integers(0, len(soils), count), np.int32),
         "elastic": np.tile(elastic, (len(soils), 1)), "strength": strength,
-        "point_mass": np.full(len(soils), MASS),
+        "volume": array(random.uniform(0.1, 2.0, count)),
+        "density": random.uniform(1500.0, 2200.0, len(soils)),
         "velocity": random.normal(0, 2.0, (NODES, 4)), "cell_mean": swelling, "kind": kind,
     }  # fmt: skip
     return arrays(room, NODES, len(soils), **given)

@@ -69,7 +69,7 @@ def scatter_all(affine: bool):
     """Kernel that scatters all points, with their volumes and strengths."""
 
     @ti.func
-    def scatter_points(volume: A, cell: A, columns: A, state: A):
+    def scatter_points(cell: A, columns: A, state: A):
         points, materials = ti.static((state.points, state.materials))
         load = ti.static(state.nodes.load)
         for _ in range(1):
@@ -77,19 +77,21 @@ def scatter_all(affine: bool):
             step = ti.static(
                 Step(
                     slot=0, first_node=0, columns=columns, cell=cell, per_cell=per_cell,
-                    volume=volume, dt=0.0,
+                    dt=0.0,
                 )
             )  # fmt: skip
             for p in range(points.home.shape[0]):
                 kind = state.nodes.kind[points.home[p]]
-                scatter(p, step, points, load, kind, materials.point_mass[p], affine, False)
+                mass = materials.density[p] * points.volume[p]
+                scatter(p, step, points, load, kind, mass, affine, False)
                 x, y = mass_weights(points.motion[p], kind)
                 friction, adhesion = ground_strength(materials.strength[p])
                 scatter_volume(
-                    load, points.home[p], columns, x, y, volume, friction, adhesion, False
-                )
+                    load, points.home[p], columns, x, y, points.volume[p], friction, adhesion,
+                    False,
+                )  # fmt: skip
 
-    return state_kernel(scatter_points, volume=ti.f32, cell=ti.f32, columns=ti.i32)
+    return state_kernel(scatter_points, cell=ti.f32, columns=ti.i32)
 
 
 @ti.kernel
@@ -109,7 +111,7 @@ def update_nodes(dt: A, gravity: A, damping: A, work: A, state: A):
     for n in range(state.nodes.load.shape[0]):
         step = ti.static(
             Step(
-                slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, volume=1.0, dt=dt,
+                slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, dt=dt,
                 gravity=gravity, damping=damping,
             )
         )  # fmt: skip
@@ -131,7 +133,7 @@ def stress_of(averaged: bool, corrected: bool):
         for p in range(points.stress.shape[0]):
             step = ti.static(
                 Step(
-                    slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, volume=1.0, dt=dt,
+                    slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, dt=dt,
                     share=share,
                 )
             )  # fmt: skip
@@ -177,7 +179,7 @@ class Cloud:
         self.strain = random.uniform(-0.1, 0.1, count).astype(np.float32)
         self.strength = random.uniform(0.1, 1.0, (count, 4)).astype(np.float32)
         self.gradient = np.zeros((count, 4), np.float32)
-        self.volume = 1.5
+        self.volume = random.uniform(0.5, 2.0, count).astype(np.float32)
 
     def with_linear_velocity(self):
         self.motion[:, 2:] = linear_velocity(self.position)
@@ -193,9 +195,9 @@ class Cloud:
         state = arrays(
             count, number, count, home=self.home, kind=np.full(number, self.kind),
             motion=self.motion, gradient=self.gradient, stress=self.stress, history=history,
-            point_mass=self.mass, strength=strength,
+            volume=self.volume, density=self.mass / self.volume, strength=strength,
         )  # fmt: skip
-        scatter_all(affine)(self.volume, CELL, COLUMNS, *state.values())
+        scatter_all(affine)(CELL, COLUMNS, *state.values())
         return state["load"].astype(float)
 
 
@@ -334,10 +336,9 @@ def test_what_points_gain_is_what_nodes_gain(kind):
 def test_scattered_volume_and_strength(kind):
     cloud = Cloud(kind)
     load, strength = cloud.scattered(), cloud.strength.astype(float)
-    sums = load[:, 5:].sum(axis=0) / cloud.volume
-    assert sums == pytest.approx(
-        [len(strength), 0.5 * strength[:, 1].sum(), strength[:, 0].sum()], rel=1e-5
-    )
+    volume = cloud.volume.astype(float)
+    expected = [volume.sum(), 0.5 * volume @ strength[:, 1], volume @ strength[:, 0]]
+    assert load[:, 5:].sum(axis=0) == pytest.approx(expected, rel=1e-5)
 
 
 def moved(velocity, change=(0.0, 0.0), own=(0.0, 0.0), blend=0.0, dt=0.1, offset=(0.4, -0.4)):

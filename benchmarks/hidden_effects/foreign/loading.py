@@ -111,8 +111,9 @@ class Loading:
     @cached_property
     def overburden(self) -> np.ndarray:
         """Vertical effective stress before the slide, (N,) [Pa]."""
-        mass = self.density * self.scene.spacing**2
-        return vertical_effective_stress(self.scene, self.points.position, mass, self.gravity)
+        volume = np.full(len(self.points), self.scene.spacing**2)
+        mass, position = self.density * volume, self.points.position
+        return vertical_effective_stress(self.scene, position, volume, mass, self.gravity)
 
     @cached_property
     def still(self) -> Moment:

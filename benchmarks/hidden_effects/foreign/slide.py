@@ -88,6 +88,7 @@ class Slide:
             {side: judged.foot(side) for side in ("left", "right")},
             self.final,
             self.initial,
+            self.spacing**2,
             volume=self.volumes,
             positions=self.positions,
             time=self.time,

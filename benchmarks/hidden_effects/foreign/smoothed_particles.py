@@ -76,7 +76,7 @@ class Body:
         self.position, self.velocity = points.position.copy(), points.velocity.copy()
         n = len(points)
         self.density = loading.density.copy()
-        self.mass = loading.density * points.volume
+        self.mass = loading.density * scene.spacing**2
         modulus, ratio = loading.youngs_modulus, loading.poisson_ratio
         self.bulk = modulus / (3.0 * (1.0 - 2.0 * ratio))
         self.shear = 0.5 * modulus / (1.0 + ratio)

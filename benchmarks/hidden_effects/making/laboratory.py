@@ -136,7 +136,7 @@ def _deposit(section: Section, run: Run) -> Deposit | None:
     frames = run.positions.astype(float)
     foot = {side: section.scene.foot(side) for side in ("left", "right")}
     return Deposit.on(
-        run.scene, foot, frames[-1], frames[0],
+        run.scene, foot, frames[-1], frames[0], run.initial_volume,
         volume=run.bulk_volume, positions=frames, time=run.time,
     )  # fmt: skip
 

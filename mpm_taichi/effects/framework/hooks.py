@@ -214,7 +214,7 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
                 own = seen_by(view, p, points.facts, k)
                 total += ti.max(resistance[k](numbers, step.slot, own), 0.0)
         if total > 0.0:
-            amount = total * step.volume * (1.0 + points.history[p][VOLUMETRIC])
+            amount = total * points.volume[p] * (1.0 + points.history[p][VOLUMETRIC])
             scatter_resistance(p, step, points, state.nodes, amount, atomic)
 
     @ti.func

@@ -160,6 +160,7 @@ def test_a_simulated_deposit_may_be_the_section_after(lsfd, tmp_path):
     fields = {
         name: np.zeros((len(last), *shape), kind) for name, (shape, kind) in POINT_FIELDS.items()
     }
+    fields["initial_volume"] += scene.spacing**2
     run = Run.empty(scene, SimulationSettings(), reason="")
     run = replace(run, status="finished", positions=last[None], time=np.zeros(1), **fields)
     path = tmp_path / "run.h5"
