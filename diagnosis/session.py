@@ -230,9 +230,9 @@ class Session:
         }
         save_sections(
             self.folder,
-            initial=before.initial,
-            base=before.final,
-            final=after.final,
+            initial=(before.initial, before.initial_volume),
+            base=before.moved,
+            final=after.moved,
             spacing=setup.scene.spacing,
             ground=np.asarray(setup.scene.ground.points),
             toes=toes,

@@ -141,7 +141,7 @@ def runout(scene: Scene, run: KeptRun, side: Side) -> float:
     return float(
         toe_runout(
             run.final.astype(float),
-            scene.spacing**2,
+            run.initial_volume,
             spacing=scene.spacing,
             side=side,
             initial_toe=scene.foot(side),
@@ -203,7 +203,7 @@ def _surveyed_surface(truth: Truth, noise: np.random.Generator) -> tuple[np.ndar
     inside = toe + (middle - toe) * 0.05
     x = np.sort(np.round(np.linspace(inside, middle, PROFILE_POINTS), 4))
     y = surface_profile(
-        position, scene.spacing**2, x, spacing=scene.spacing,
+        position, truth.run.initial_volume, x, spacing=scene.spacing,
         ground=np.asarray(scene.ground.points, dtype=float),
     )  # fmt: skip
     error = PROFILE_STD * truth.height * noise.standard_normal(len(x))

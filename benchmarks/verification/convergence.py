@@ -93,12 +93,10 @@ def _runs(name: str, spacing: float) -> dict[str, tuple[float, np.ndarray, Scene
         run = simulate([scene], SimulationSettings(courant=courant), threads=1)[0]
         if run.failed:
             raise RuntimeError(f"{name}, {label}: {run.reason}")
-        position = run.positions[-1].astype(float)
+        position, volume = run.positions[-1].astype(float), run.bulk_volume
         # One threshold for both cells: the toe of the finer run is read where the coarse one is.
-        runout = toe_runout(
-            position, scene.spacing**2, spacing=spacing, side=side, initial_toe=foot
-        )
-        found[label] = (float(runout), position, scene)
+        runout = toe_runout(position, volume, spacing=spacing, side=side, initial_toe=foot)
+        found[label] = (float(runout), position, volume, scene)
     return found
 
 
@@ -157,9 +155,9 @@ def _draw(path: Path, all_found: dict, spacing: float) -> None:
               "more S_r": ("#999999", ":")}  # fmt: skip
     names = {"base": "base", "dt/2": "dt/2", "dx/2": "dx/2", "more S_r": "5 % more S_r"}
     for ax, (name, found) in zip(axes[:, 0], all_found.items(), strict=True):
-        for label, (runout, position, scene) in found.items():
+        for label, (runout, position, volume, scene) in found.items():
             colour, line = styles[label]
-            x, y = _surface(position, scene, spacing)
+            x, y = _surface(position, volume, scene, spacing)
             ax.plot(x, y, line, color=colour, label=f"{names[label]}: runout {runout:.1f} m")
         ax.set_title(f"{name}, from {spacing:g} m", loc="left", fontsize=10)
         ax.set_ylabel("y (m)")
@@ -171,13 +169,16 @@ def _draw(path: Path, all_found: dict, spacing: float) -> None:
     plt.close(figure)
 
 
-def _surface(position: np.ndarray, scene: Scene, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+def _surface(
+    position: np.ndarray, volume: np.ndarray, scene: Scene, spacing: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Final surface, x and y [m]; a closed wall on the left is a mirror for the smoothing."""
     left = position[:, 0].min()
     wall = scene.domain.x_min
     if scene.domain.walls == "closed" and left < wall + 2 * spacing:
         position = np.concatenate([position, (2 * wall, 0.0) + position * (-1.0, 1.0)])
+        volume = np.tile(volume, 2)
         left = wall
     x = np.linspace(left, position[:, 0].max() + 2, 400)
     base = scene.ground.lowest
-    return x, surface_profile(position, scene.spacing**2, x, spacing=spacing, ground=base)
+    return x, surface_profile(position, volume, x, spacing=spacing, ground=base)

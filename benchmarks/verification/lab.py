@@ -164,7 +164,7 @@ class Lab:
     @property
     def mass(self) -> np.ndarray:
         """Masses of the points, (P,) [kg/m]."""
-        return self.slots.point_mass[self.prepared.row].astype(float)
+        return self.prepared.mass
 
     @property
     def position(self) -> np.ndarray:
@@ -190,7 +190,7 @@ class Lab:
     def volume(self) -> np.ndarray:
         """Volumes of the points, (P,) [m2 per m]."""
         swelling = self.slots.history[: self.count, layout.VOLUMETRIC].astype(float)
-        return self.prepared.points.volume * (1.0 + swelling)
+        return self.prepared.volume * (1.0 + swelling)
 
     @property
     def plastic_shear_strain(self) -> np.ndarray:

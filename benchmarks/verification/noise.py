@@ -112,7 +112,7 @@ def runout(run: Run, frame: int = -1) -> float:
     """Toe runout of a frame [m]."""
     return toe_runout(
         run.positions[frame].astype(float),
-        run.scene.spacing**2,
+        run.initial_volume,
         spacing=run.scene.spacing,
         side=SIDE,
         initial_toe=run.scene.foot(SIDE),
@@ -136,7 +136,7 @@ def soil_area(run: Run, frame: int, *, length: float = 1.5, fine: int = 4) -> fl
     offset = (points - low) / step - centre - 0.5
     span = int(2.0 * reach / step) + 1
     for i in range(-span, span + 1):
-        across = spacing**2 * kernel((i - offset[:, 0]) * step, reach)
+        across = run.initial_volume * kernel((i - offset[:, 0]) * step, reach)
         for j in range(-span, span + 1):
             weight = across * kernel((j - offset[:, 1]) * step, reach)
             np.add.at(share, (centre[:, 0] + i, centre[:, 1] + j), weight)
@@ -217,13 +217,14 @@ def _draw_surfaces(ax: Axes, seeds: list[Run], base: Run) -> None:
     level = float(scene.ground.height(0.0))
     for run in seeds:
         y = surface_profile(
-            run.positions[-1].astype(float), scene.spacing**2, x, spacing=scene.spacing,
+            run.positions[-1].astype(float), run.initial_volume, x, spacing=scene.spacing,
             ground=level,
         )  # fmt: skip
         ax.plot(x, y, color="#0b3c8c", linewidth=0.7, alpha=0.5)
     before = surface_profile(
-        base.positions[0].astype(float), scene.spacing**2, x, spacing=scene.spacing, ground=level
-    )
+        base.positions[0].astype(float), base.initial_volume, x, spacing=scene.spacing,
+        ground=level,
+    )  # fmt: skip
     ax.plot(x, before, color="#444444", linewidth=1.0, linestyle="--", label="before")
     ax.plot([], [], color="#0b3c8c", linewidth=1.0, label=f"after, {len(seeds)} seeds")
     ax.axhline(level, color="#4d4842", linewidth=1.0)

@@ -151,7 +151,7 @@ def creep(spacing: float, contact: str, *, halts: dict[float, float]) -> list[De
     """
     lab = Lab(deposit_scene(spacing, contact))
     lab.run(0)
-    area = lab.count * spacing**2
+    area = float(lab.prepared.volume.sum())
     start_energy, share = lab.potential_energy, 0.0
     length = lab.scene.materials["soil"].cohesion_pa / UNIT_WEIGHT
     deposits = []

@@ -267,12 +267,12 @@ def against_the_plane(spacing: float) -> tuple[float, float, np.ndarray, np.ndar
     runouts = [toe_of(places) - start_x for places in (section, flat.positions[-1])]
     x = np.arange(1.0, 50.0, 0.5)
     rows = round(6.0 / spacing)
-    slices = section.reshape(-1, rows, 2)
+    slices, volume = section.reshape(-1, rows, 2), flat.initial_volume
     profiles = np.mean(
-        [surface_profile(slices[:, row], spacing**2, x, spacing=spacing) for row in range(rows)],
+        [surface_profile(slices[:, row], volume, x, spacing=spacing) for row in range(rows)],
         axis=0,
     )
-    plane = surface_profile(flat.positions[-1], spacing**2, x, spacing=spacing)
+    plane = surface_profile(flat.positions[-1], volume, x, spacing=spacing)
     soil = (plane > spacing) & (profiles > spacing)
     off = np.sqrt(np.mean((profiles - plane)[soil] ** 2)) / 10.0
     return runouts[0] / runouts[1], float(off), x, profiles, plane

@@ -24,6 +24,8 @@ LEAST_HEIGHT = 0.05
 """Where less soil than this stands [m] no surface is drawn."""
 PLACES = 400
 
+Points = tuple[np.ndarray, np.ndarray]
+
 
 @dataclass(frozen=True)
 class Toe:
@@ -66,9 +68,9 @@ class Sections:
 def save_sections(
     folder: str | Path,
     *,
-    initial: np.ndarray,
-    base: np.ndarray,
-    final: np.ndarray,
+    initial: Points,
+    base: Points,
+    final: Points,
     spacing: float,
     ground: np.ndarray,
     toes: Mapping[str, tuple[float, float]],
@@ -77,9 +79,9 @@ def save_sections(
 
     Args:
         folder: of the diagnosis.
-        initial: points before the slide (N, 2) [m].
-        base: after it, by the base model (N, 2) [m].
-        final: after it, by the model of the answer (N, 2) [m]; that of the base where it is.
+        initial: points before the slide: places (N, 2) [m] and volumes (N,) [m2 per m].
+        base: after it, by the base model.
+        final: after it, by the model of the answer; that of the base where it is.
         spacing: between material points [m].
         ground: rigid base, a polyline (P, 2) [m].
         toes: measurement of a runout -> (x of the initial toe [m], -1 left or +1 right).
@@ -88,9 +90,10 @@ def save_sections(
     write_arrays(
         path,
         {
-            "initial": np.asarray(initial, np.float32),
-            "base": np.asarray(base, np.float32),
-            "final": np.asarray(final, np.float32),
+            **{
+                name: np.column_stack(points).astype(np.float32)
+                for name, points in (("initial", initial), ("base", base), ("final", final))
+            },
             "spacing": np.array(float(spacing)),
             "ground": np.asarray(ground, float),
             "toe_names": np.array(list(toes), dtype=np.str_),
@@ -141,5 +144,7 @@ def load_sections(folder: str | Path) -> Sections | None:
 def _surface(
     points: np.ndarray, spacing: float, ground: np.ndarray, x: np.ndarray, bottom: np.ndarray
 ) -> np.ndarray:
-    surface = np.asarray(surface_profile(points, spacing**2, x, spacing=spacing, ground=ground))
+    # In files of before physics 7 every point has the volume of a square.
+    places, volume = points[:, :2], points[:, 2] if points.shape[1] == 3 else spacing**2
+    surface = np.asarray(surface_profile(places, volume, x, spacing=spacing, ground=ground))
     return np.where(surface > bottom + LEAST_HEIGHT, surface, np.nan)

@@ -4,9 +4,9 @@ The lattice counts from the left wall and the lowest ground, unless the scene ha
 `lattice_from_y`: points lie at (i + 1/2) spacing, so on level ground every grid cell that touches
 the base holds exactly `points_per_cell` points.
 
-A point carries the volume of the soil that it stands for, not of its square of the lattice: soil
-within squares whose middle lies outside its zone goes to the nearest points of the zone. So surface,
-base and every zone keep their volume at any spacing.
+A point carries the volume of the soil that it stands for, not that of its square of the lattice:
+soil of squares whose middle lies outside its zone goes to the nearest points of the zone. So the
+surface, the base and every zone keep their volume at any spacing.
 """
 
 from __future__ import annotations

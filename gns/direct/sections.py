@@ -302,10 +302,10 @@ def outcome_of(
     return Outcome(thickness / section.height, toes, before)
 
 
-def toes_of(
-    section: Section, points: np.ndarray, volume: np.ndarray, spacing: float
-) -> np.ndarray:
-    """Left and right toe of points (N, 2) [m] with volumes (N,) [m2 per m of width], as a survey reads them, (2,) [heights].
+def toes_of(section: Section, points: np.ndarray, volume: np.ndarray, spacing: float) -> np.ndarray:
+    """Left and right toe of points (N, 2) [m] as a survey reads them, (2,) [heights].
+
+    Their volumes are (N,) [m2 per m of width].
 
     Raises:
         ValueError: nothing is thick enough to be a dam.

@@ -74,6 +74,11 @@ class KeptRun:
     readings: dict[str, Reading] = field(default_factory=dict)
     volume: np.ndarray | None = None
 
+    @property
+    def moved(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (N, 2) [m] and volumes (N,) [m2] of the points after the slide."""
+        return self.final, self.initial_volume if self.volume is None else self.volume
+
 
 @runtime_checkable
 class KeepsRuns(Protocol):

@@ -271,7 +271,7 @@ class Prediction:
             the run failed before it could be read.
         at_start: the same readings on the section before anything moved, (m,).
         by_eye: toe seen by the naked eye, by name of the toe's measurement [m]; for reports.
-        positions: final positions (N, 2) float32 [m].
+        positions: final positions (N, 2) float32 [m]; volume: of these points, (N,) [m2].
         status: "finished"; "failed" where a guard stopped the run or a fitted number is NaN.
         reason: why it failed, or why a number that is not fitted could not be read; else empty.
         sigma_v0_kpa: mean vertical effective stress before failure of each parameter's zones (p,)
@@ -287,6 +287,7 @@ class Prediction:
     at_start: np.ndarray
     by_eye: dict[str, float] = field(default_factory=dict)
     positions: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    volume: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
     status: str = "finished"
     reason: str = ""
     sigma_v0_kpa: np.ndarray = field(default_factory=lambda: np.zeros(0))

@@ -183,15 +183,15 @@ def envelope(
         ground: polyline of the base (P, 2) [m].
         places: at which the surfaces are read.
     """
-    positions = [p.positions for p in found.predictions]
-    if not positions or any(len(points) == 0 for points in positions):
+    deposits = [(p.positions.astype(float), p.volume) for p in found.predictions]
+    if not deposits or any(len(points) == 0 for points, _ in deposits):
         return None
-    ends = np.array([(points[:, 0].min(), points[:, 0].max()) for points in positions])
+    ends = np.array([(points[:, 0].min(), points[:, 0].max()) for points, _ in deposits])
     x = np.linspace(ends[:, 0].min() - spacing, ends[:, 1].max() + spacing, places)
     surfaces = np.array(
         [
-            surface_profile(points.astype(float), spacing**2, x, spacing=spacing, ground=ground)
-            for points in positions
+            surface_profile(points, volume, x, spacing=spacing, ground=ground)
+            for points, volume in deposits
         ]
     )
     sampled = Sections(found.scores, surfaces)(found.sample_scores[:ENVELOPE_SAMPLES])

@@ -210,9 +210,7 @@ def point_functions(
         """Momentum, internal force, mass, and where asked for strength, to the nodes."""
         points, nodes, materials = ti.static((state.points, state.nodes, state.materials))
         kind = nodes.kind[points.home[p]]
-        scatter(
-            p, step, points, nodes.load, kind, point_mass(p, points, materials), affine, atomic
-        )
+        scatter(p, step, points, nodes.load, kind, point_mass(p, points, materials), affine, atomic)
         if kind & NEAR:
             strength = strength_of(p, points, materials)
             scatter_strength(p, step, points, nodes.load, kind, strength, atomic)

@@ -483,11 +483,11 @@ def save_section(folder: Path) -> Path:
     """Points of the section before and after, next to a verdict of this case."""
     ground = np.array([[-20.0, 0.0], [60.0, 1.0], [200.0, 1.0]])
 
-    def points(x: list[float], y: list[float]) -> np.ndarray:
+    def points(x: list[float], y: list[float]) -> tuple[np.ndarray, np.ndarray]:
         places, heights = np.meshgrid(np.arange(-18.0, 190.0, 1.0), np.arange(0.5, 26.0, 1.0))
         top = np.interp(places, x, y, left=-1.0, right=-1.0)
         inside = (heights < top) & (heights > np.interp(places, *ground.T))
-        return np.stack([places[inside], heights[inside]], axis=1)
+        return np.stack([places[inside], heights[inside]], axis=1), np.ones(inside.sum())
 
     initial = points([45, 95, 110, 160, 185], [1, 22, 22, 21, 1])
     after = [points([at, 45, 110, 128, 150, 185], [0.5, 6, 11, 20, 21, 1]) for at in (10, 15)]

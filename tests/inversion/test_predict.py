@@ -292,7 +292,8 @@ class Sheet(Formula):
         made = super()._one(values)
         x, y = np.meshgrid(np.arange(0.5, made.values[0], 1.0), [0.5, 1.5])
         points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
-        return Prediction(made.values, made.at_start, positions=points)
+        volume = np.ones(len(points))
+        return Prediction(made.values, made.at_start, positions=points, volume=volume)
 
 
 def test_the_envelope_lies_where_the_fronts_are():

@@ -9,7 +9,7 @@ COLUMNS = {"integers": layout.INTEGERS, "numbers": layout.NUMBERS, "sums": layou
 
 
 def arrays(points: int = 1, nodes: int = 1, rows: int = 1, **given: np.ndarray) -> dict:
-    """Name -> array of every array of the solver for one slot: `given`, points of volume 1, else 0."""
+    """Name -> array of every array of the solver, for one slot; not `given`: 0, and volumes 1."""
     numbers = {
         layout.SlotState: (1,),
         layout.PointState: (points,),
