@@ -60,8 +60,8 @@ def fill(scene: Scene) -> MaterialPoints:
     ground = np.asarray(scene.ground.points, dtype=float)
     position, zone = lattice_points(outlines, ground, origin, scene.spacing)
     volume = np.empty(len(position))
-    for number, outline in enumerate(outlines):
-        own = zone == number
+    for place, outline in enumerate(outlines):
+        own = zone == place
         volume[own] = soil_held(position[own], outline, origin, scene.spacing)
     if scene.jitter:
         position = _jittered(scene, position)
