@@ -1,13 +1,14 @@
 """How well does a back-analysis find a strength whose slide was made with far smaller cells?
 
-    python -m benchmarks.studies.small_cells [--twins 60] [--page]
+    python -m benchmarks.studies.small_cells [--far] [--twins N] [--page]
 
 Random free-standing dams of 8 to 29 m, a fourth of them with a pool: an embankment of which a lower
 layer or one shell has liquefied. Each is simulated with points H/60 apart, H its height, and the
 toe surveyed with an error of 5 % of the runout; then `flowslide invert --quick` is asked for the
 strength, with points H/20 apart. Errors of a survey are quantiles of the normal distribution in a
 random order, so that they cancel in the mean. Twins whose toe hardly notices the strength, or runs
-beyond 2.5 H already with points H/20 apart, are drawn again.
+beyond 2.5 H already with points H/20 apart, are drawn again. `--far` asks for weaker dams instead,
+whose toes run 4 to 12 H.
 
 What is done lies in `results/benchmarks/small_cells`, a file a twin, so that a study that was
 stopped resumes; the figures are kept in `small_cells.json` and shown on
@@ -17,6 +18,7 @@ stopped resumes; the figures are kept in `small_cells.json` and shown on
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,21 +41,50 @@ from pipeline.random_numbers import Stream
 FOLDER = ROOT / "results/benchmarks/small_cells"
 RECORD = Path(__file__).with_suffix(".json")
 PAGE = ROOT / "docs/method/inversion.md"
-SEED, TWINS = 42_600, 60
-#: Heights [m]; crest and slopes over the height; density [kg/m3]; S_r over rho g H; with a pool.
+#: Heights [m]; crest and slopes over the height; density [kg/m3]; share with a pool.
 HEIGHTS, CREST, SLOPE, DENSITY = (8.0, 29.0), (0.2, 1.0), (1.5, 3.0), (1700.0, 2100.0)
-RESIDUAL, POOL_SHARE = (0.03, 0.12), 0.25
+POOL_SHARE = 0.25
 LIQUEFIED = "liquefied"
 #: Points of the slide and of the back-analysis in a height; jitter of the slide's.
 FINE, ASKED, JITTER = 60.0, 20.0, 0.5
-#: Standard deviation of the survey over the runout; least and largest runout, and least change of
-#: it with 30 % more strength, in heights.
-SURVEY, RUNOUT, LEAST_EFFECT, STRONGER = 0.05, (0.3, 2.5), 0.1, 1.3
+#: Standard deviation of the survey over the runout; least change of it with 30 % more strength, in
+#: heights.
+SURVEY, LEAST_EFFECT, STRONGER = 0.05, 0.1, 1.3
 
 Record = dict[str, Any]
 
 
-def drawn(stream: Stream) -> tuple[Scene, float]:
+@dataclass(frozen=True)
+class Kind:
+    """Which dams are asked for.
+
+    Attributes:
+        name: of the record, of its table and of the folder.
+        twins: how many there are.
+        seed: of the random numbers.
+        residual: S_r over rho g H.
+        runout: least and largest, in heights.
+        room: of the domain beyond the feet, in heights.
+    """
+
+    name: str
+    twins: int
+    seed: int
+    residual: tuple[float, float]
+    runout: tuple[float, float]
+    room: float
+
+    @property
+    def folder(self) -> Path:
+        """Of what is done."""
+        return FOLDER if self is NEAR else FOLDER / self.name
+
+
+NEAR = Kind("small_cells", 60, 42_600, (0.03, 0.12), (0.3, 2.5), 10.0)
+FAR = Kind("far_flows", 40, 43_600, (0.003, 0.04), (4.0, 12.0), 30.0)
+
+
+def drawn(kind: Kind, stream: Stream) -> tuple[Scene, float]:
     """A dam with points H/20 apart, and S_r of its zone `LIQUEFIED` [kPa]."""
     height = stream.uniform(*HEIGHTS)
     crest, left, right = (stream.uniform(*ends) * height for ends in (CREST, SLOPE, SLOPE))
@@ -67,13 +98,13 @@ def drawn(stream: Stream) -> tuple[Scene, float]:
         head = (foot[0], height)
         liquefied, rest = [outer[0], outer[1], head, foot], [foot, head, *outer[2:]]
     density = stream.uniform(*DENSITY)
-    strength = stream.uniform(*RESIDUAL) * density * 9.81e-3 * height
+    strength = stream.uniform(*kind.residual) * density * 9.81e-3 * height
     soils = {
         LIQUEFIED: {"cohesion_kpa": round(strength, 3), "friction_deg": 0.0, "liquefied": True},
         "fill": {"cohesion_kpa": 5.0, "friction_deg": round(stream.uniform(30.0, 38.0), 1)},
     }
     common = {"density": round(density), "youngs_modulus_mpa": 20.0, "poisson_ratio": 0.3}
-    room = 10.0 * height
+    room = kind.room * height
     document = {
         "name": "dam",
         "domain": {"x_min": -room, "x_max": outer[3][0] + room, "y_max": 3.0 * height},
@@ -90,7 +121,7 @@ def drawn(stream: Stream) -> tuple[Scene, float]:
     return scene_from_mapping(document, "a twin"), strength
 
 
-def truth_of(number: int, store: RunStore) -> tuple[Scene, float, Side, float]:
+def truth_of(kind: Kind, number: int, store: RunStore) -> tuple[Scene, float, Side, float]:
     """A dam at the spacing of the question, S_r [kPa], side and runout [m] of its slide.
 
     Raises:
@@ -98,8 +129,8 @@ def truth_of(number: int, store: RunStore) -> tuple[Scene, float, Side, float]:
     """
     settings = load_config(None).simulation
     for attempt in range(100):
-        stream = Stream(SEED, number, attempt)
-        asked, strength = drawn(stream)
+        stream = Stream(kind.seed, number, attempt)
+        asked, strength = drawn(kind, stream)
         height = height_of(asked)
         fine = asked.changed(
             spacing=round(height / FINE, 4), jitter=JITTER, seed=stream.seed() % 2**31
@@ -110,7 +141,7 @@ def truth_of(number: int, store: RunStore) -> tuple[Scene, float, Side, float]:
             continue
         for side in SIDES:
             here, there = (runout(asked, run, side) for run in runs)
-            far_enough = RUNOUT[0] * height <= here <= RUNOUT[1] * height
+            far_enough = kind.runout[0] * height <= here <= kind.runout[1] * height
             if not far_enough or here - there < LEAST_EFFECT * height:
                 continue
             (slide,) = store.fetch([(fine, settings)])
@@ -120,13 +151,13 @@ def truth_of(number: int, store: RunStore) -> tuple[Scene, float, Side, float]:
     raise InputError(f"twin {number}: no dam makes a question")
 
 
-def write_case(folder: Path, number: int, twins: int, store: RunStore) -> Record:
+def write_case(folder: Path, kind: Kind, number: int, twins: int, store: RunStore) -> Record:
     """The case folder of a twin; what is true of it."""
-    scene, strength, side, far = truth_of(number, store)
-    order = np.random.default_rng(SEED).permutation(twins)
+    scene, strength, side, far = truth_of(kind, number, store)
+    order = np.random.default_rng(kind.seed).permutation(twins)
     error = float(ndtri((order[number] + 0.5) / twins))
     toe = far * (1.0 + SURVEY * error)
-    first = 0.06 * 2000.0 * 9.81e-3 * height_of(scene)
+    first = 0.8 * float(np.mean(kind.residual)) * 2000.0 * 9.81e-3 * height_of(scene)
     folder.mkdir(parents=True, exist_ok=True)
     save_scene(
         with_properties(scene, [(LIQUEFIED, "cohesion_kpa", first)]),
@@ -150,17 +181,17 @@ def write_case(folder: Path, number: int, twins: int, store: RunStore) -> Record
     return {"height_m": height_of(scene), "true_kpa": strength, "runout_m": far}
 
 
-def judged(number: int, twins: int) -> Record:
+def judged(kind: Kind, number: int, twins: int) -> Record:
     """One twin: what is true and what is found, kept in a file."""
-    path = FOLDER / f"twin_{number:03d}.json"
+    path = kind.folder / f"twin_{number:03d}.json"
     record: Record = read_json(path) if path.is_file() else {}
-    case = FOLDER / "cases" / f"twin_{number:03d}"
+    case = kind.folder / "cases" / f"twin_{number:03d}"
     if "true_kpa" not in record:
-        with_runs = RunStore(FOLDER / "truths", threads=1)
-        record = write_case(case, number, twins, with_runs)
+        with_runs = RunStore(kind.folder / "truths", threads=1)
+        record = write_case(case, kind, number, twins, with_runs)
         write_json(path, record)
     if "found_kpa" not in record:
-        result = back_analyse(case, quick=True, out=FOLDER / "answers" / case.name, threads=1)
+        result = back_analyse(case, quick=True, out=kind.folder / "answers" / case.name, threads=1)
         (p,) = result.answer.parameters
         cells = result.answer.small_cells
         record.update(
@@ -206,14 +237,21 @@ def figures(records: list[Record]) -> Record:
     return {
         "twins": len(records),
         "rows": rows,
+        "not_fitted": sum(not one["reached"] for one in records),
         "runs_to_answer": float(np.median([one["runs_to_answer"] for one in records])),
         "unknown": sum(one["other_spacing"] is None for one in records),
     }
 
 
 def page(found: Record) -> None:
-    """Renew the table on the page."""
-    rows = [
+    """Renew the tables on the page."""
+    head = ["S_r", "mean error", "median error", "scatter", "truth in the 95 % interval"]
+    renew(PAGE, **{name: table(head, rows_of(one)) for name, one in found.items()})
+
+
+def rows_of(found: Record) -> list[list[str]]:
+    """Rows of the table of one kind."""
+    return [
         [
             name,
             *(f"{100 * row[key]:+.1f} %" for key in ("mean", "median")),
@@ -222,8 +260,6 @@ def page(found: Record) -> None:
         ]
         for name, row in found["rows"].items()
     ]
-    head = ["S_r", "mean error", "median error", "scatter", "truth in the 95 % interval"]
-    renew(PAGE, small_cells=table(head, rows))
 
 
 def main() -> None:
@@ -232,17 +268,21 @@ def main() -> None:
         prog="python -m benchmarks.studies.small_cells", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--twins", type=int, default=TWINS, help=f"how many; default {TWINS}")
+    parser.add_argument("--far", action="store_true", help="dams that run 4 to 12 heights")
+    parser.add_argument("--twins", type=int, help="how many; default 60, of those that run far 40")
     parser.add_argument("--page", action="store_true", help="renew the page from the record alone")
     asked = parser.parse_args()
+    kept: Record = read_json(RECORD)
     if not asked.page:
-        records = []
-        for number in range(asked.twins):
-            records.append(one := judged(number, asked.twins))
+        kind, records = FAR if asked.far else NEAR, []
+        twins = asked.twins or kind.twins
+        for number in range(twins):
+            records.append(one := judged(kind, number, twins))
             off = 100 * (one["found_kpa"] / one["true_kpa"] - 1.0)
-            print(f"twin {number + 1} of {asked.twins}: {off:+.1f} %", flush=True)
-        write_json(RECORD, figures(records))
-    page(read_json(RECORD))
+            print(f"twin {number + 1} of {twins}: {off:+.1f} %", flush=True)
+        kept[kind.name] = figures(records)
+        write_json(RECORD, kept)
+    page(kept)
 
 
 if __name__ == "__main__":

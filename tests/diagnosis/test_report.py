@@ -232,6 +232,17 @@ def test_the_section_is_read_back(tmp_path):
     assert load_sections(tmp_path / "nothing") is None
 
 
+def test_sections_of_an_earlier_version_have_points_of_one_volume(tmp_path):
+    path = save_section(tmp_path)
+    now = load_sections(tmp_path).final
+    with np.load(path) as file:
+        kept = dict(file)
+    for name in ("initial", "base", "final"):
+        kept[name] = kept[name][:, :2]
+    np.savez(path, **kept)
+    np.testing.assert_allclose(load_sections(tmp_path).final, now)
+
+
 def test_what_cannot_be_read_is_named(tmp_path):
     with pytest.raises(InputError, match=r"verdict\.json"):
         write_report(tmp_path)

@@ -65,6 +65,15 @@ def test_a_run_comes_back_as_it_was(path, run):
     assert (back.status, back.wall_time_s) == ("finished", run.wall_time_s)
 
 
+def test_points_of_earlier_files_have_the_volume_of_a_square(path, run):
+    with h5py.File(path, "r+") as file:
+        group = file["run_00004"]
+        del group["initial_volume"]
+        group.attrs["format_version"] = 1
+    back = read_run(path, 4)
+    assert back.initial_volume == pytest.approx(np.full(run.points, run.scene.spacing**2))
+
+
 def test_a_run_cut_off_at_the_frame_nearest_to_its_duration_is_not_at_rest(run):
     frame_time = run.time[1] - run.time[0]
     for share, at_rest in ((-0.49, False), (0.0, False), (0.49, False), (1.0, True), (7.0, True)):
