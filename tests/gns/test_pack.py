@@ -258,7 +258,7 @@ def lose_positions(group):
     [
         (shorten, r"run_00004: positions: .* the file is cut short"),
         (put_nan, r"run_00004: positions: frame 2 holds a value that is not finite"),
-        (other_version, r"format_version: 99; this program reads 1"),
+        (other_version, r"format_version: 99; this program reads 2"),
         (lose_points, r"\d+ points, but its scene holds \d+"),
         (move_start, r"a point starts 0.25 spacings from where the scene has it; allowed is 0.1"),
         (change_time, r"time: frames are .* s apart; its settings say"),
