@@ -134,11 +134,13 @@ def print_gaps(scene: Scene) -> None:
 
 
 def print_doubts(scene: Scene) -> None:
-    """Print what of the section is hardly meant."""
-    from geometry.scenes.doubts import doubts
+    """Print what of the section is hardly meant, and layers of few points."""
+    from geometry.scenes.doubts import doubts, thin_layers
 
     for line in doubts(scene):
         print(f"  doubtful: {line}")
+    for line in thin_layers(scene):
+        print(f"  few points: {line}")
 
 
 def print_ends(scene: Scene) -> None:

@@ -24,11 +24,35 @@ SLENDER = 1.5
 STRONGEST_KPA, SMALLEST_DEG = 1000.0, 1.5
 #: Verticals on which soil is looked for.
 VERTICALS = 400
+#: A liquefied layer wants four rows of points; with fewer than this it is said.
+ROWS, FEWEST_ROWS = 4.0, 3.5
 
 
 def doubts(scene: Scene) -> list[str]:
     """Lines on what is hardly meant; empty: nothing."""
     return [*_size(scene), *_soils(scene), *_shape(scene)]
+
+
+def thin_layers(scene: Scene) -> list[str]:
+    """Lines on liquefied layers of few rows of points, in which S_r comes out too low."""
+    liquefied = [zone for zone in scene.zones if scene.materials[zone.material].liquefied]
+    whole = unary_union([Polygon(zone.polygon) for zone in liquefied])
+    if is_crowded(whole, scene.spacing):
+        return []
+    lines = []
+    for part in getattr(whole, "geoms", [whole] if liquefied else []):
+        left, low, right, high = part.bounds
+        places = np.linspace(left, right, VERTICALS + 2)[1:-1]
+        across = np.array([LineString([(x, low - 1.0), (x, high + 1.0)]) for x in places])
+        thick = float(np.median(length(intersection(across, part))))
+        rows = thick / scene.spacing
+        if rows < FEWEST_ROWS:
+            lines.append(
+                f"what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m thick, "
+                f"{rows:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too low: "
+                f"spacing {thick / ROWS:.3g}"
+            )
+    return lines
 
 
 def _size(scene: Scene) -> Iterator[str]:

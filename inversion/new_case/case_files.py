@@ -6,6 +6,7 @@ what a person must still add is marked FILL IN.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -309,8 +310,13 @@ def _sensitivities(scene: Scene) -> str:
     """Sensitivities, one standard deviation each; only those possible in this section."""
     text = _comment("What else moves the answer, one standard deviation each.") + "sensitivities:\n"
     zone = next(z for z in scene.zones if scene.materials[z.material].liquefied)
-    top = max(zone.polygon, key=lambda place: place[1])
-    example = f"{{at: [{top[0]:g}, {top[1]:g}], move: [0, {scene.cell_size:g}]}}"
+    top = max(y for _, y in zone.polygon)
+    # One corner alone would tilt a level top.
+    example = ", ".join(
+        f"{{at: [{x:g}, {y:g}], move: [0, {scene.cell_size:g}]}}"
+        for x, y in zone.polygon
+        if math.isclose(y, top, abs_tol=1e-6)
+    )
     text += (
         f"  # {FILL_IN}: the top of the liquefied zone, the least certain line of most sections:\n"
         "  # - name: top of the liquefied zone\n"

@@ -278,3 +278,18 @@ def test_bounds_of_a_strength_are_what_runs_anyway_and_what_holds_any_slope():
     )  # fmt: skip
     # rho g H is 196 kPa.
     assert strength_bounds(scene) == (0.39, 59.0)
+
+
+def test_the_sensitivity_that_waits_lifts_the_whole_top(dry, tmp_path):
+    path = (
+        new(tmp_path / "lifted", "--runout", "left=6", "--liquefied", "base", section=dry)
+        / "inversion.yaml"
+    )
+    text = path.read_text()
+    (entry,) = [line for line in text.splitlines() if "vertices:" in line]
+    assert "at: [15, 4]" in entry and "at: [5, 4]" in entry and "[20, 0]" not in entry
+    start = text.index("  # - name: top of the liquefied zone")
+    end = text.index("\n", text.index("vertices:"))
+    path.write_text(text[:start] + text[start:end].replace("  # ", "  ") + text[end:])
+    found = inversion_case(load_case(path.parent)).question.sensitivities
+    assert "top of the liquefied zone" in [one.name for one in found]
