@@ -41,7 +41,7 @@ from flowslide.studio.faults import (
     section_faults,
 )
 from geometry.case import SCENE_FILE, Case, load_case
-from geometry.scenes.doubts import doubts
+from geometry.scenes.doubts import doubts, thin_layers
 from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES, Side
@@ -260,7 +260,10 @@ class Workspace:
             "duration_s": case.simulation.duration_s,
             "feet": dict(case.feet),
             "ends": {side: _end_of(scene, side) for side in SIDES},
-            "doubts": [line.replace(" (--unit)", "") for line in doubts(scene)],
+            "doubts": [
+                *(line.replace(" (--unit)", "") for line in doubts(scene)),
+                *(f"few points: {line}" for line in thin_layers(scene)),
+            ],
             "marks": marks_of(case),
             "sets": [] if case.survey is None else list(case.survey.sets),
         }

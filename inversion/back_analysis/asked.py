@@ -8,11 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+from geometry.scenes.doubts import thin_layers
 from geometry.survey.sets import Sets
 from inversion.back_analysis.variants import Changed, sides, vary
 from inversion.engines.small_cells import other_spacings
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup, Setup
 from inversion.estimation.misfit import Objective
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import FILE_NAME, CellSize, Question, Sensitivity, Variant
@@ -104,7 +105,8 @@ class Asked(ABC):
         """Spacing of coarse runs [m]; None: every run is at the spacing in force.
 
         The same holds where the settings ask for no coarser spacing, or at it there would be few
-        points or a zone that is too thin. `inversion.coarse_points` are of a section; a body has as
+        points, a zone that is too thin or a liquefied layer of so few rows of points that its
+        strength misleads. `inversion.coarse_points` are of a section; a body has as
         many along each of its edges.
         """
         settings = self.config.inversion
@@ -112,7 +114,10 @@ class Asked(ABC):
         points = self.point_count * (self.spacing_m / spacing) ** self.dimensions
         if spacing <= self.spacing_m or points < settings.coarse_points ** (self.dimensions / 2):
             return None
-        return spacing if self.at_spacing(spacing, self.setup) is not None else None
+        coarse = self.at_spacing(spacing, self.setup)
+        if coarse is None or (isinstance(coarse, SectionSetup) and thin_layers(coarse.scene)):
+            return None
+        return spacing
 
     def coarsened(self, setup: AnySetup) -> AnySetup | None:
         """The same setup at the coarse spacing.
