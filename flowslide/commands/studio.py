@@ -131,21 +131,29 @@ def _listening(port: int) -> socket.socket:
 def workspace_of(text: str | None) -> tuple[Workspace, str]:
     """The workspace of what was typed, and the case that is shown first; empty: any.
 
+    A folder with `scene3d.yaml` alone is a case in three dimensions, and so is that file where it
+    is named; the page knows them by `BODY` before their names.
+
     Raises:
         InputError: there is no such case or folder.
     """
+    from flowslide.studio.bodies import BODY
     from flowslide.studio.workspace import Workspace
     from geometry.case import SCENE_FILE
+    from geometry.scenes3d.scene3d import FILE_NAME as BODY_FILE
+    from geometry.scenes3d.scene3d import is_body
     from pipeline.cli import InputError
     from pipeline.places import CASES, resolve, shipped
 
     if text is None:
         return Workspace(Path.cwd()), ""
-    place = resolve(text, CASES)
+    named = Path(text).name == BODY_FILE
+    place = resolve(Path(text).parent if named else text, CASES)
     if not place.is_dir():
         raise InputError(f"{text}: no such case, and no such folder")
-    if not (place / SCENE_FILE).is_file():
+    body = BODY if is_body(place / BODY_FILE if named else place) else ""
+    if not (body or (place / SCENE_FILE).is_file()):
         return Workspace(place), ""
     if place.resolve().parent == shipped(CASES).resolve():
-        return Workspace(Path.cwd()), place.name
-    return Workspace(place.resolve().parent), place.resolve().name
+        return Workspace(Path.cwd()), body + place.name
+    return Workspace(place.resolve().parent), body + place.resolve().name

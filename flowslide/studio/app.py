@@ -81,6 +81,9 @@ def studio(
         Route("/api/cases/{name}/files/{file}", _answering(own.own_file)),
         Route("/api/cases/{name}/files/{file}", _answering(own.save_file), methods=["PUT"]),
         Route("/api/cases/{name}/revision", _answering(own.revision)),
+        Route("/api/bodies/{name}", _answering(own.read_body)),
+        Route("/api/bodies/{name}/revision", _answering(own.body_revision)),
+        Route("/api/bodies/{name}/ground", _answering(own.ground)),
         Route("/api/question", _answering(own.propose), methods=["POST"]),
         Route("/api/check", _answering(own.check), methods=["POST"]),
         Route("/api/import", _answering(own.import_drawing), methods=["POST"]),
@@ -139,7 +142,8 @@ class _Studio:
             {
                 "folder": str(self.workspace.folder),
                 "cases": self.workspace.cases(),
-                "left_out": self.workspace.left_out(),
+                "bodies": self.work.bodies.listed(),
+                "left_out": sorted({*self.workspace.left_out(), *self.work.bodies.left_out()}),
                 "first": self.first,
                 "version": __version__,
                 "drawings": FORMATS,
@@ -202,6 +206,28 @@ class _Studio:
         name = request.path_params["name"]
         return JSONResponse({"revision": await run_in_threadpool(self.workspace.revision, name)})
 
+    # --- cases in three dimensions ---
+
+    async def read_body(self, request: Request) -> Response:
+        """A case in three dimensions."""
+        return JSONResponse(
+            await run_in_threadpool(self.work.bodies.read, request.path_params["name"])
+        )
+
+    async def body_revision(self, request: Request) -> Response:
+        """What changes with every edit of its files."""
+        name = request.path_params["name"]
+        return JSONResponse({"revision": await run_in_threadpool(self.work.bodies.revision, name)})
+
+    async def ground(self, request: Request) -> Response:
+        """It before the slide, in plan: a binary message of `body_maps`."""
+        spacing = _spacing(request.query_params.get("spacing_m"))
+        name = request.path_params["name"]
+        found = await run_in_threadpool(self.work.bodies.ground, name, spacing)
+        return Response(found, media_type="application/octet-stream")
+
+    # --- documents that are not saved ---
+
     async def propose(self, request: Request) -> Response:
         """The question that `flowslide new` would ask of the documents."""
         question = await run_in_threadpool(proposed_question, await _body(request))
@@ -253,10 +279,9 @@ class _Studio:
         """Start one."""
         asked = await _body(request)
         kind, case = str(asked.get("kind", "")), str(asked.get("case", ""))
-        options = asked.get("options") or {}
-        return JSONResponse(
-            await run_in_threadpool(self.work.start, kind, case, options), status_code=201
-        )
+        options, body = asked.get("options") or {}, asked.get("body") is True
+        found = await run_in_threadpool(self.work.start, kind, case, options, body=body)
+        return JSONResponse(found, status_code=201)
 
     async def job(self, request: Request) -> Response:
         """One."""
@@ -386,6 +411,23 @@ async def _bytes(request: Request) -> bytes:
         if len(found) > MOST_BYTES:
             raise InputError(f"more than {MOST_BYTES / 1e6:.0f} MB")
     return found
+
+
+def _spacing(text: str | None) -> float | None:
+    """A spacing of a query [m]; None: it has none.
+
+    Raises:
+        InputError: it is no length.
+    """
+    if text is None:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value < float("inf"):
+        raise InputError(f"spacing_m: {text[:20]!r}: must be a number greater than 0")
+    return value
 
 
 def _file_name(text: str) -> str:

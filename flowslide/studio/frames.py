@@ -2,7 +2,7 @@
 
 `uint32` length of the header (little endian) | header, JSON padded with spaces to a multiple of
 four | arrays, one after another, each padded likewise. The header names each array with dtype
-("f4", "u2"), shape and offset from the end of the header.
+("f4", "u2", "u1"), shape and offset from the end of the header.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mpm_taichi.trajectory import Run
 
 #: Most frames of a film: two a second of a slide of half a minute.
 FRAMES = 60
-DTYPES = {"f4": np.dtype("<f4"), "u2": np.dtype("<u2")}
+DTYPES = {"f4": np.dtype("<f4"), "u2": np.dtype("<u2"), "u1": np.dtype("u1")}
 
 
 def message(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> bytes:

@@ -11,9 +11,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
-from flowslide.api import Simulation
+from flowslide.api import Simulation, Simulation3d
 from inversion.back_analysis.result import ParameterAnswer, Result
 from inversion.posterior.document import PosteriorDocument
+from mpm_taichi.readings3d import named
 from pipeline.ties import ranked
 from report import classical as classical_report
 from report import from_blow_counts as blow_counts_report
@@ -23,6 +24,7 @@ from report.posterior import answer_sentence
 from report.sentences.back_analysis import answer_words
 from report.sentences.diagnosis import UNEXPLAINED, quoted_value
 from report.sentences.small_cells import cells_words
+from report.simulation3d import warning
 
 Found = dict[str, Any]
 MOST_MOVERS, MOST_NEXT = 3, 2
@@ -75,6 +77,13 @@ def simulation(done: Simulation) -> Found:
         for one in done.readings
         if one.simulated is not None
     )
+
+
+def simulation_3d(done: Simulation3d) -> Found:
+    """What was read from the deposit in plan, and whether soil has reached a wall."""
+    read = [(*named(name), value) for name, value in done.readings.items()]
+    lines = [f"{words}: {with_unit(value, unit)}" for words, unit, value in read if value == value]
+    return _found([*lines[1:], warning(done.walls)])
 
 
 def back_analysis(result: Result) -> Found:

@@ -107,6 +107,10 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
     if not runs.exists():
         runs.unlink(missing_ok=True)  # it led to where the case was before
         runs.symlink_to(Path("..", "..", "..", "runs"), target_is_directory=True)
+    if job.body:
+        from flowslide.studio import body_jobs
+
+        return body_jobs.work(job, out, told.report, told.evaluated)
     common |= {"spacing_m": job.options.spacing_m, "threads": job.threads}
     match job.kind:
         case "simulate":

@@ -22,6 +22,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from flowslide.studio import bodies
+from flowslide.studio.bodies import Bodies
 from flowslide.studio.case_documents import read_documents
 from flowslide.studio.workspace import HIDDEN, Workspace, revision_of
 from geometry.scenes.scene import checked_document
@@ -75,7 +77,7 @@ JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 PAGES = ("report.html", "compare.html", "explain.html", "prediction.html", "from_blow_counts.html",
          "classical.html")  # fmt: skip
 #: Files that the page may open.
-SHOWN = (".html", ".json", ".csv", ".png", ".txt", ".mp4", ".gif", ".nc", ".svg")
+SHOWN = (".html", ".json", ".csv", ".png", ".txt", ".mp4", ".gif", ".nc", ".svg", ".bin")
 
 
 class JobOptions(StrictDocument):
@@ -92,6 +94,17 @@ class JobOptions(StrictDocument):
     posterior: str | None = Field(
         None, description="prediction: job whose draws are the strengths, in place of these"
     )
+    strengths_kpa: dict[str, float] = Field(
+        default_factory=dict, description="simulation of a body: material -> cohesion, such as S_r"
+    )
+    thicker_than_m: list[float] = Field(
+        default_factory=list, description="prediction of a body: thicknesses of the deposit"
+    )
+
+    @property
+    def of_bodies(self) -> list[str]:
+        """Options that are given and mean something of a body alone."""
+        return [name for name in ("strengths_kpa", "thicker_than_m") if getattr(self, name)]
 
 
 class Job(StrictDocument):
@@ -103,6 +116,7 @@ class Job(StrictDocument):
     folder: str = Field(description="of the case as it was when the job was asked for")
     revision: str = Field("", description="of these files")
     threads: int | None = Field(None, description="of the CPU; null: all")
+    body: bool = Field(False, description="in three dimensions: its `scene3d.yaml`")
     options: JobOptions
 
 
@@ -116,12 +130,21 @@ class Jobs:
 
     def __init__(self, workspace: Workspace, threads: int | None = None) -> None:
         self.workspace, self.threads = workspace, threads
+        self.bodies = Bodies(workspace)
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._waiting: list[str] = []
         self._changing = RLock()
 
-    def start(self, kind: str, case: str, options: dict[str, Any]) -> dict[str, Any]:
+    def start(
+        self, kind: str, case: str, options: dict[str, Any], *, body: bool = False
+    ) -> dict[str, Any]:
         """Start a job, or have it wait for the one that runs: each takes all processor cores.
+
+        Args:
+            kind: of `KINDS`.
+            case: its name.
+            options: of `JobOptions`.
+            body: of its `scene3d.yaml`.
 
         Raises:
             InputError: no such kind, case or option.
@@ -129,26 +152,41 @@ class Jobs:
         if kind not in KINDS:
             raise InputError(f"kind {kind!r}: one of {', '.join(KINDS)}")
         wanted = checked_document(JobOptions, options, "options", "flowslide/studio/jobs.py")
-        self.workspace.ready(case)
+        if body:
+            self._check_body(kind, case, wanted)
+        else:
+            self.workspace.ready(case)
+            if wanted.of_bodies:
+                raise InputError(f"{wanted.of_bodies[0]}: only in three dimensions")
         if kind == "predict":
-            self._check_prediction(case, wanted)
+            self._check_prediction(case, wanted, body)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
         folder = make_folder(self._folder(case, number))
-        source = self.workspace.snapshot(case, folder / CASE)
+        source = (self.bodies if body else self.workspace).snapshot(case, folder / CASE)
         job = Job(
             id=number,
             kind=kind,
             case=case,
             folder=str(source),
             options=wanted,
-            revision=revision_of(read_documents(source)),
+            revision=bodies.revision_of(source) if body else revision_of(read_documents(source)),
             threads=self.threads,
+            body=body,
         )
         write_json(folder / JOB, job.model_dump(mode="json"))
         self._submit(folder, number)
         return self.state(number)
 
-    def _check_prediction(self, case: str, options: JobOptions) -> None:
+    def _check_body(self, kind: Kind, case: str, options: JobOptions) -> None:
+        """The kind is one of a body that has what it needs, and its points are not too many."""
+        if kind not in bodies.ASKS:
+            raise InputError(f"kind {kind!r}: not in three dimensions: {', '.join(bodies.ASKS)}")
+        if reason := bodies.lacking(self.bodies.source(case), kind):
+            raise InputError(f"{KINDS[kind]}: {reason}")
+        filled = self.bodies.filled(case, options.spacing_m)
+        filled.scene.changed(strengths_kpa=options.strengths_kpa)
+
+    def _check_prediction(self, case: str, options: JobOptions, body: bool) -> None:
         """Strengths are given, or a posterior of this case that is done."""
         if bool(options.strengths) == (options.posterior is not None):
             raise InputError("prediction: give strengths or a posterior, one of the two")
@@ -156,7 +194,8 @@ class Jobs:
             parse_strength(text, options.distribution)
         if options.posterior is not None:
             drawn = self.state(options.posterior)
-            if (drawn["case"], drawn["kind"], drawn["state"]) != (case, "posterior", "done"):
+            own = (case, "posterior", "done", body)
+            if (drawn["case"], drawn["kind"], drawn["state"], drawn["body"]) != own:
                 raise InputError(f"prediction: {options.posterior} is no posterior of {case}")
 
     def _submit(self, folder: Path, number: str) -> None:
@@ -282,6 +321,7 @@ class Jobs:
         return {
             **{key: job[key] for key in ("id", "kind", "case", "options")},
             "revision": job.get("revision", ""),
+            "body": job.get("body", False),
             "words": KINDS[job["kind"]],
             **{key: value for key, value in said.items() if key != "process"},
             "files": files,

@@ -35,12 +35,16 @@ export function answers(page, tell, shown) {
   buildQuestions();
   watchJobs();
   $("close").addEventListener("click", () => $("report").close());
+  return { refresh: watchJobs, start };
 }
+
+/** A job on what is open: a section and a body may have the same name. */
+const isOurs = (job) => job.case === state.name && Boolean(job.body) === Boolean(state.body);
 
 // --- questions ---
 
 function buildQuestions() {
-  $("ask").replaceChildren(...QUESTIONS.map(([words, group]) => el("div", {},
+  $("ask").replaceChildren(...QUESTIONS.map(([words, group]) => el("div", { "data-words": words },
     el("span", { textContent: words }),
     ...group.map(([kind, label, options]) => {
       const button = el("button", { textContent: label, className: label === "Back-analyse" ? "main" : "" });
@@ -60,19 +64,30 @@ function buildQuestions() {
 function tellRunning() {
   for (const button of $("ask").querySelectorAll("button")) {
     const { kind, label, quick } = button.dataset;
-    const now = kind === "predict" ? null : jobs.find((job) => ["running", "waiting"].includes(job.state) && job.case === state.name
+    const now = kind === "predict" ? null : jobs.find((job) => ["running", "waiting"].includes(job.state) && isOurs(job)
       && job.kind === kind && String(job.options.quick) === quick && (kind === "classical" || job.options.spacing_m === state.spacing));
     const words = now ? `${label}: ${now.state}` : label;
     if (button.textContent !== words) button.textContent = words;
-    button.disabled = Boolean(now);
-    button.title = state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
+    const lacks = state.body ? state.found?.asks[kind] ?? "not in three dimensions" : "";
+    button.hidden = state.body && !(kind in (state.found?.asks ?? {}));
+    button.disabled = Boolean(now || lacks);
+    button.title = lacks || state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
+  }
+  for (const group of $("ask").children) {
+    const shown = [...group.querySelectorAll("button")].filter(({ hidden }) => !hidden);
+    group.hidden = !shown.length;
+    // What a body lacks is said where it is asked.
+    const lacks = state.body && shown.find(({ dataset }) => state.found.asks[dataset.kind]);
+    const words = group.dataset.words + (lacks ? ` It ${state.found.asks[lacks.dataset.kind]}.` : "");
+    if (group.firstChild.textContent !== words) group.firstChild.textContent = words;
   }
 }
 
 async function start(kind, options) {
   try {
     const spacing = kind === "classical" ? {} : { spacing_m: state.spacing };
-    await send("/api/jobs", { kind, case: state.name, options: { ...options, ...spacing } });
+    const own = state.body && kind === "simulate" ? { strengths_kpa: state.changes.strengths_kpa } : {};
+    await send("/api/jobs", { kind, case: state.name, body: Boolean(state.body), options: { ...options, ...spacing, ...own } });
     await watchJobs();
     const waits = jobs[0]?.state === "waiting" ? "waits for the job that runs" : "started";
     say(`${state.workspace.job_kinds[kind]}: ${waits}`);
@@ -90,7 +105,7 @@ function predict() {
 
 /** Jobs that are done, on the case as it is now; the newest first. */
 function ofThisCase() {
-  return jobs.filter((job) => job.case === state.name && job.state === "done"
+  return jobs.filter((job) => isOurs(job) && job.state === "done"
     && job.revision === state.found?.revision);
 }
 
@@ -110,7 +125,7 @@ async function watchJobs() {
   }
   for (const job of shown) {
     // What has not changed stays as it is, so that the keyboard keeps its place.
-    const json = JSON.stringify([job, isOld(job), job.case === state.name]);
+    const json = JSON.stringify([job, isOld(job), isOurs(job)]);
     if (lines.get(job.id)?.json !== json) lines.set(job.id, { json, line: jobLine(job) });
   }
   const wanted = shown.map((job) => lines.get(job.id).line);
@@ -124,6 +139,7 @@ async function watchJobs() {
   tellRunning();
   showStrengths();
   if (ended && lines.has(ended.id)) tellEnd(ended);
+  if (ended && isOurs(ended)) slide.ended(ended);
   watching = setTimeout(watchJobs, jobs.some(({ state: now }) => ["running", "waiting"].includes(now)) ? 700 : 5000);
 }
 
@@ -133,7 +149,7 @@ function tellEnd(job) {
   lines.get(job.id).line.scrollIntoView({ block: "nearest" });
 }
 
-const isOld = (job) => job.case === state.name && Boolean(state.found) && job.revision !== state.found.revision;
+const isOld = (job) => isOurs(job) && Boolean(state.found) && job.revision !== state.found.revision;
 
 function jobLine(job) {
   const line = el("li");
@@ -141,10 +157,11 @@ function jobLine(job) {
   line.dataset.job = job.id;
   const quick = job.options.quick ? ", quick" : "";
   const at = job.options.spacing_m ? ` at ${job.options.spacing_m} m` : "";
-  line.append(`${job.words}${quick}: ${job.case.replaceAll("_", " ")}${at}`);
+  const solid = job.body ? ", three dimensions" : "";
+  line.append(`${job.words}${quick}: ${job.case.replaceAll("_", " ")}${solid}${at}${strengthWords(job.options)}`);
   if (job.answer) line.append(el("div", { className: "found" }, ...job.answer.map((text) => el("p", { textContent: text }))));
   const seconds = job.seconds === undefined ? "" : `, ${Math.round(job.seconds)} s`;
-  const counted = job.state === "running" && job.total ? `, ${job.done} of about ${job.total} simulations${timeLeft(job.left_s)}` : "";
+  const counted = job.state === "running" && job.total ? `, ${doneWords(job)}${timeLeft(job.left_s)}` : "";
   const note = [job.state + seconds + counted, job.message].filter(Boolean).join(": ");
   line.append(el("div", { className: "note state", textContent: note }));
   if (isOld(job)) line.append(el("div", { className: "note", textContent: "the case has changed since" }));
@@ -157,6 +174,16 @@ function jobLine(job) {
   if (job.history?.length) line.append(historyChart(job.history, job.state));
   line.append(jobButtons(job));
   return line;
+}
+
+/** How far a job is: a simulation counts the seconds of its slide. */
+function doneWords({ kind, done, total }) {
+  return kind === "simulate" ? `${done} of at most ${total} s of motion` : `${done} of about ${total} simulations`;
+}
+
+/** Strengths with which a body is simulated, where they are not its own. */
+function strengthWords({ strengths_kpa: strengths = {} }) {
+  return Object.entries(strengths).map(([name, value]) => `, ${name.replaceAll("_", " ")} ${value} kPa`).join("");
 }
 
 function timeLeft(seconds) {
@@ -177,10 +204,12 @@ function jobButtons(job) {
   };
   if (["running", "waiting"].includes(job.state)) add("Cancel", post("cancel"));
   if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
-  if (job.state === "done" && job.values?.length && job.case === state.name && state.found && !isOld(job)) {
+  if (job.state === "done" && job.values?.length && isOurs(job) && state.found && !isOld(job)) {
     add("Show it", () => slide.showValues(job.values, job.options.spacing_m));
-    if (!state.found.shipped) add("Keep it", () => slide.keepAnswer(job.values));
+    if (!state.found.shipped && !state.body) add("Keep it", () => slide.keepAnswer(job.values));
   }
+  const maps = job.files.find((file) => file.endsWith(".bin"));
+  if (job.state === "done" && maps && isOurs(job) && state.found) add("Show it", () => slide.showMaps(job, maps));
   if (job.state === "done" && job.page) {
     add("Open the report", () => open(job, job.page));
     add("PDF", () => download(job));

@@ -24,7 +24,7 @@ async function answered(response) {
   return found;
 }
 
-const KINDS = { f4: Float32Array, u2: Uint16Array };
+const KINDS = { f4: Float32Array, u2: Uint16Array, u1: Uint8Array };
 
 /** Header and arrays of a binary message; the layout is that of flowslide/studio/frames.py. */
 export function unpack(buffer) {

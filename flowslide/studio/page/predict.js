@@ -38,6 +38,7 @@ export function askStrengths(state, done, start) {
     new Option("normal: as far above as below", "normal"));
   const source = el("select", {}, new Option("the values below", ""),
     ...drawn.map((job) => new Option(`draws of the posterior at ${job.options.spacing_m} m`, job.id)));
+  const thicker = el("input", { type: "text", size: 12, value: state.body ? state.found.derived.least_m : "", "aria-label": "thicknesses of the deposit [m]" });
   const fault = el("p", { className: "fault" });
   fault.setAttribute("role", "alert");
   const table = el("table", {},
@@ -71,11 +72,12 @@ export function askStrengths(state, done, start) {
     el("p", { textContent: "The strength of a soil that liquefies is known within a range only. Give the value that you expect "
       + "and its standard deviation: two slides of three then have a strength within one standard deviation of the mean. The "
       + "result is the probability that the toe passes any distance." }),
-    el("p", { className: "note", textContent: "Where from: a back-analysis of this slope or of a similar one gives both numbers. From "
-      + "blow counts alone, close this and ask \"From blow counts\": published relations bring their own scatter." }),
+    el("p", { className: "note", textContent: "Where from: a back-analysis of this slope or of a similar one gives both numbers."
+      + (state.body ? "" : " From blow counts alone, close this and ask \"From blow counts\": published relations bring their own scatter.") }),
     ...(drawn.length ? [el("label", { className: "row" }, "Strengths ", source)] : []),
     table,
     el("label", { className: "row" }, "Distribution ", kind),
+    state.body ? el("label", { className: "row", title: "several with spaces; empty: that from which soil counts as a deposit" }, "Map where the deposit is thicker than, m ", thicker) : "",
     fault,
     el("div", { className: "buttons" }, fill, close, run));
   form.addEventListener("input", () => { fault.textContent = ""; tell(); });
@@ -90,6 +92,10 @@ export function askStrengths(state, done, start) {
     const options = source.value ? { posterior: source.value } : {
       strengths: rows.map(({ zones, mean, std }) => `${zones.join(",")}=${mean.value}+-${std.value}`), distribution: kind.value,
     };
+    if (state.body) {
+      options.thicker_than_m = thicker.value.split(/[\s;]+/).filter(Boolean).map((text) => Number(text.replace(",", ".")));
+      if (!options.thicker_than_m.every((metres) => metres > 0)) { fault.textContent = "Thicknesses are numbers greater than 0, with spaces between them."; thicker.focus(); return; }
+    }
     fault.textContent = await start(options);
     if (!fault.textContent) dialog.close();
   });

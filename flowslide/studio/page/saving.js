@@ -9,10 +9,15 @@ const FOOT = 26; // pixels below the section, for a line of the legend
 /** Save what a view shows; `name` is that of the file without its end. Returns the name of the file. */
 export async function saveView(kind, view, name) {
   const content = { png: pngOf, svg: svgOf, csv: csvOf }[kind](view);
-  const link = el("a", { href: URL.createObjectURL(await content), download: `${name}.${kind}` });
+  return download(await content, `${name}.${kind}`);
+}
+
+/** Put something among the downloads; returns the name of the file. */
+export function download(content, name) {
+  const link = el("a", { href: URL.createObjectURL(content), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  return link.download;
+  return name;
 }
 
 function pngOf(view) {

@@ -1,6 +1,7 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
+import { frameAt, timeAt } from "./film_times.js";
 import { numberBox } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { area, ownMaterials } from "./section.js";
@@ -311,6 +312,9 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     });
   }
 
+  /** A number of the table: one of volumes and areas in whole units. */
+  const told = (value) => (Math.abs(value) >= 1000 ? Math.round(value).toLocaleString("en") : value.toFixed(1));
+
   const isOther = (row) => row.measured !== null && documents.now.inversion && !isFitted(documents.now.inversion, row);
 
   function readings(rows) {
@@ -320,8 +324,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       const off = row.in_std;
       const cells = [
         row.label.replace(/^ *by eye$/, "the same toe by eye") + (row.held_out ? " (held out)" : isOther(row) ? " (not fitted)" : ""),
-        row.measured === null ? "" : `${row.below}${row.measured.toFixed(1)}${row.std === null ? "" : ` ± ${row.std}`}`,
-        row.trouble || row.simulated === null ? "not read" : `${row.simulated.toFixed(1)} ${row.unit}`,
+        row.measured === null ? "" : `${row.below}${told(row.measured)}${row.std === null ? "" : ` ± ${row.std.toLocaleString("en")}`}`,
+        row.trouble || row.simulated === null ? "not read" : `${told(row.simulated)} ${row.unit}`,
         off === null ? "" : (off > 0 ? "+" : "") + off.toFixed(1),
       ];
       cells.forEach((text, i) => {
@@ -337,17 +341,6 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   function tell() {
     const times = view.deposit?.header.times;
     $("time").value = times ? `${timeAt(times, view.frame).toFixed(1)} s` : "-";
-  }
-
-  /** Time of a frame, also between two of them; and the frame of a time. */
-  function timeAt(times, frame) {
-    const k = Math.floor(frame);
-    return times[k] + (frame - k) * ((times[k + 1] ?? times[k]) - times[k]);
-  }
-
-  function frameAt(times, time) {
-    const k = times.findLastIndex((one) => one <= time);
-    return k === times.length - 1 ? k : k + (time - times[k]) / (times[k + 1] - times[k]);
   }
 
   let watching = 0; // for the film that was asked for
@@ -429,5 +422,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (isFitted) view.fit();
   });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, leave, forget, empty, showValues, keepAnswer };
+  return { flow, play, leave, forget, empty, readings, showValues, keepAnswer };
 }

@@ -2,6 +2,7 @@
 
 import { answers } from "./answer.js";
 import { get, send, upload } from "./api.js";
+import { makeBody, PREFIX } from "./body/body.js";
 import { Documents } from "./documents.js";
 import { Editor, TOOLS } from "./editor.js";
 import { blockOf, cellsOf, forget, knowUnits, numbersOf, pasteInto, setUp } from "./numbers.js";
@@ -20,7 +21,7 @@ const CHOOSE = "this case was changed elsewhere while you edited it: choose whic
 const GRIDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0,
-  mode: "slide", fresh: false, told: "" };
+  mode: "slide", fresh: false, told: "", body: false };
 
 function say(words, bad = false) {
   $("status").textContent = words;
@@ -90,6 +91,8 @@ const sectionPanel = new SectionPanel($("section-left"), $("section-right"), pag
 const surveyPanel = new SurveyPanel($("survey-left"), $("survey-right"), page);
 
 const slide = makeSlide({ state, view, documents, say, reopen: () => open(state.name, true) });
+const body = makeBody({ state, say, readings: (rows) => slide.readings(rows), ask: () => questions?.refresh() });
+let questions = null;
 
 function refresh() {
   sectionPanel.show();
@@ -134,10 +137,12 @@ let opening = 0;
 /** Show a case, or the one that is open `again`; false: it is not shown, as nobody has asked for it (`unasked`) and it would undo an edit. */
 async function open(name, again = false, unasked = false) {
   const turn = opening += 1;
+  if (name.startsWith(PREFIX)) return openBody(name.slice(PREFIX.length));
   let found;
   try { found = await get(`/api/cases/${name}`); } catch (error) { say(error.message, true); return false; }
   if (turn !== opening) return false; // another one was asked for meanwhile
   if (unasked && documents.pending) return false; // to be saved is a conflict: somebody chooses
+  if (state.body) { body.close(); questions?.refresh(); }
   Object.assign(state, { name, found, effects: {}, changes: { strengths_kpa: {}, friction_deg: {} }, fresh: false });
   history.replaceState(null, "", `#${name}`);
   $("origin").textContent = found.shipped ? "read only" : "";
@@ -156,6 +161,17 @@ async function open(name, again = false, unasked = false) {
   return true;
 }
 
+/** A case in three dimensions is looked at: nothing of a section is edited or asked meanwhile. */
+async function openBody(name) {
+  slide.leave();
+  slide.empty();
+  editor.active = false;
+  view.scene = null; // nothing of it is painted any more
+  documents.open({ name: "", shipped: true, revision: "" });
+  $("apart").hidden = true;
+  return body.open(name);
+}
+
 function apart(words, found) {
   $("apart").replaceChildren(words,
     button("Show what is there now", () => open(state.name, true)),
@@ -164,7 +180,7 @@ function apart(words, found) {
 }
 
 function setMode(mode) {
-  if (!state.found) return;
+  if (!state.found || state.body) return;
   const isOther = state.mode !== mode;
   if (isOther) slide.leave();
   state.mode = mode;
@@ -311,8 +327,13 @@ async function madeCase() {
   } catch (error) { $("make-fault").textContent = error.message; }
 }
 
+/** Every case that can be opened, those in three dimensions last. */
+const allCases = () => [...state.workspace.cases, ...state.workspace.bodies.map((one) => ({ ...one, name: PREFIX + one.name }))];
+
 function fillCases(name) {
-  $("case").replaceChildren(...state.workspace.cases.map((one) => new Option(one.name.replaceAll("_", " "), one.name)));
+  const option = (one, value = one.name) => new Option(one.name.replaceAll("_", " "), value);
+  const solid = el("optgroup", { label: "three dimensions" }, ...state.workspace.bodies.map((one) => option(one, PREFIX + one.name)));
+  $("case").replaceChildren(...state.workspace.cases.map((one) => option(one)), solid);
   $("case").value = name;
 }
 
@@ -327,13 +348,14 @@ function keys(event) {
     return;
   }
   if (event.ctrlKey || event.metaKey || document.querySelector("dialog[open]")) return;
-  if (justTyped() || event.target.closest("#section-left, #section-right, #survey-left, #survey-right")) return;
+  if (justTyped() || event.target.closest("#section-left, #section-right, #survey-left, #survey-right, #body-left")) return;
+  if (state.body && body.key(event)) { event.preventDefault(); return; }
   if (editor.key(event)) { event.preventDefault(); return; }
   const modes = { 1: "section", 2: "survey", 3: "slide" };
   const tool = Object.keys(TOOLS).find((one) => TOOLS[one].key === key);
-  const act = { t: theme, "[": () => fold("left"), "]": () => fold("right"), f: () => { view.fit(); view.draw(); }, " ": slide.play }[key]
+  const act = { t: theme, "[": () => fold("left"), "]": () => fold("right"), f: () => { view.fit(); view.draw(); }, " ": state.body ? null : slide.play }[key]
     ?? (modes[key] && (() => setMode(modes[key]))) ?? (tool && editor.active && (() => editor.use(tool)))
-    ?? (key === "r" && state.mode === "slide" && (() => open(state.name, true)));
+    ?? (key === "r" && state.mode === "slide" && !state.body && (() => open(state.name, true)));
   if (act && !(key === " " && event.target.tagName === "BUTTON")) { act(); event.preventDefault(); }
 }
 
@@ -350,6 +372,7 @@ function theme() {
   root.dataset.theme = dark ? "light" : "dark";
   localStorage.setItem("theme", root.dataset.theme);
   view.draw();
+  body.draw();
 }
 
 async function start() {
@@ -359,11 +382,11 @@ async function start() {
   knowUnits(state.workspace.units);
   setUp(tellTyped, (words, act) => documents.together(words, act));
   document.addEventListener("paste", pasteInto);
-  const { cases } = state.workspace;
+  const cases = allCases();
   $("case").addEventListener("change", async () => {
     const wanted = $("case").value;
     if (await documents.flush()) { await open(wanted); return; }
-    $("case").value = state.name;
+    $("case").value = (state.body ? PREFIX : "") + state.name;
     say(CHOOSE, true);
   });
   for (const kind of Object.keys(MAKING)) $(kind).addEventListener("click", () => makeCase(kind));
@@ -377,6 +400,7 @@ async function start() {
     one.addEventListener("click", async () => {
       $("save").open = false;
       if (!state.found) return;
+      if (state.body) { say(`${await body.save(one.dataset.kind)} is with your downloads`); return; }
       say(`${await saveView(one.dataset.kind, view, `${state.name}-${state.mode}`)} is with your downloads`);
     });
   }
@@ -388,7 +412,7 @@ async function start() {
   }
   for (const event of ["input", "change"]) $("make").addEventListener(event, tellFolder);
   document.addEventListener("keydown", keys);
-  answers(state, say, slide);
+  questions = answers(state, say, { showValues: (...asked) => (state.body ? body : slide).showValues(...asked), keepAnswer: slide.keepAnswer, showMaps: body.showMaps, ended: body.ended });
   const wanted = decodeURIComponent(location.hash.slice(1)) || state.workspace.first;
   const name = cases.some((one) => one.name === wanted) ? wanted : cases.find((one) => !one.shipped)?.name;
   fillCases(name);
@@ -413,7 +437,8 @@ function welcome() {
     el("div", { className: "buttons" }, button("Draw a section", go(() => makeCase("new")), { className: "main" }),
       button("Import a drawing", go(() => makeCase("import")))),
     el("p", { textContent: "Or look at one that ships with flowslide:" }),
-    el("div", { className: "buttons" }, ...state.workspace.cases.map(({ name }) => button(name.replaceAll("_", " "), go(() => { fillCases(name); open(name); })))));
+    el("div", { className: "buttons" }, ...state.workspace.cases.map(({ name }) => button(name.replaceAll("_", " "), go(() => { fillCases(name); open(name); }))),
+      ...state.workspace.bodies.map(({ name }) => button(`${name.replaceAll("_", " ")} in 3-D`, go(() => { fillCases(PREFIX + name); open(PREFIX + name); })))));
   document.body.dataset.mode = "section";
   for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = true;
   say("draw a section, import one, or look at a case that ships");

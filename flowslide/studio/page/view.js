@@ -458,7 +458,7 @@ export function zoneColours(scene) {
   return scene.zones.map((zone) => of[zone.material]);
 }
 
-function niceStep(wanted) {
+export function niceStep(wanted) {
   const power = 10 ** Math.floor(Math.log10(wanted));
   return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= wanted);
 }
