@@ -231,6 +231,8 @@ def explained(found: Sequence[Twice]) -> list[list[str]]:
 def strangers_page() -> str:
     """The tables of docs/records/hidden-effects.md."""
     found = load_twice(RECORD)
+    if not found:
+        return "No slide has been judged so yet."
     tables = [table(HEADER, rows_of(found), "lrrrrrr")]
     if named := explained(found):
         tables.append(table(EXPLAINED, named, "lllrr"))
