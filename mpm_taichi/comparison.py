@@ -20,6 +20,7 @@ import numpy as np
 from geometry.case import Case
 from geometry.scenes.scene import Material
 from geometry.sides import SIDES, Side
+from geometry.survey.ends import ends_reached
 from geometry.survey.measured import Deposit, Measured
 from geometry.survey.toe_runout import toe_runout
 from mpm_taichi.effects import effects_on
@@ -210,7 +211,7 @@ def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
 
 
 def heading(case: Case, run: Run) -> str:
-    """Summary of the simulation, in two lines."""
+    """Summary of the simulation, in two lines, and one for each end of the drawing it reached."""
     scene = case.scene
     strengths = [
         f"{name.replace('_', ' ')} {_strength(material)}"
@@ -227,6 +228,7 @@ def heading(case: Case, run: Run) -> str:
         f"{run.points:,} points every {scene.spacing:g} m; {rest} after {run.time[-1]:.1f} s of "
         f"motion, computed in {run.wall_time_s:.1f} s "
         f"({run.steps:,} steps, {run.settings.transfer})"
+        + "".join(f"\nDoubtful: {line}" for line in ends_reached(scene, *run.positions[[0, -1]]))
     )
 
 

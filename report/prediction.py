@@ -140,6 +140,7 @@ def remarks(document: dict[str, Any]) -> list[str]:
             f"{document['runs_cut_off']} simulations were cut off in motion and would run farther; "
             "increase their duration_s, or use --set simulation.duration_s"
         )
+    lines += document.get("remarks", [])
     return lines + [line.rstrip(".") for line in cells_of(document)]
 
 

@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
-from geometry.scenes.scene import Scene
-from geometry.sides import SIDES, outward_of
+from geometry.survey.ends import ends_reached
 from geometry.survey.measured import Deposit
 from inversion.engines.run_store import KeptRun
 from inversion.estimation.data import read, toes_by_eye
 from inversion.estimation.forward import Prediction, SectionSetup
 from inversion.problem.question import RESIDUAL_STRENGTH
-
-#: A slide has reached a far boundary where soil that began within so many spacings of it has moved
-#: by more than so many.
-NEAR, MOVED = 4.0, 2.0
 
 
 def read_start(setup: SectionSetup, run: KeptRun) -> np.ndarray:
@@ -51,31 +46,6 @@ def prediction_of(
         spacing_m=setup.scene.spacing,
         remarks=ends_reached(setup.scene, run.initial, run.final),
     )
-
-
-def ends_reached(scene: Scene, before: np.ndarray, after: np.ndarray) -> tuple[str, ...]:
-    """Where a slide reaches ground that goes on beyond the section, a line for each end.
-
-    A far boundary holds soil like a smooth wall, so what reaches it is held back by the drawing.
-
-    Args:
-        scene: the section.
-        before: positions of the points before the slide, (N, 2) [m].
-        after: after it, (N, 2) [m].
-    """
-    lines = []
-    moved = np.linalg.norm(after.astype(float) - before, axis=1)
-    for side in (one for one in SIDES if scene.domain.goes_on(one)):
-        wall = scene.domain.wall(side)
-        near = outward_of(side) * (before[:, 0] - wall) > -NEAR * scene.spacing
-        most = float(np.max(moved[near], initial=0.0))
-        if most > MOVED * scene.spacing:
-            lines.append(
-                f"the slide reaches the {side} end of the section (x = {wall:g} m), where it is "
-                f"held although the ground goes on: soil there moves by {most:.1f} m; draw more of "
-                "the ground"
-            )
-    return tuple(lines)
 
 
 def deposit_of(setup: SectionSetup, run: KeptRun, *, last: bool = True) -> Deposit:

@@ -66,6 +66,7 @@ def head_of(
         "samples": len(found.samples),
         "failed_runs": found.failed,
         "runs_cut_off": sum(not prediction.at_rest for prediction in found.predictions),
+        "remarks": _of_the_weakest(found),
         "runs": [
             {
                 "strengths_kpa": _rounded(kpa),
@@ -74,6 +75,15 @@ def head_of(
             for kpa, row in zip(found.strengths, found.runs, strict=True)
         ],
     }
+
+
+def _of_the_weakest(found: Distribution) -> list[str]:
+    """What a reader should know of the run with the least strength, which goes the farthest."""
+    if not len(found.strengths):
+        return []
+    weakest = int(np.argmin(found.strengths.sum(axis=1)))
+    strengths = " and ".join(f"{kpa:.3g}" for kpa in found.strengths[weakest])
+    return [f"with {strengths} kPa {line}" for line in found.predictions[weakest].remarks]
 
 
 def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[str, Any]:

@@ -233,6 +233,24 @@ def test_slides_cut_off_in_motion_are_reported(root):
     assert f"{moving} simulations were cut off in motion" in summary(document)
 
 
+class Held(Formula):
+    """Soft soil reaches the end of the drawing."""
+
+    def _one(self, values):
+        said = ("the slide reaches the left end",) if values[0] < 15 else ()
+        return replace(super()._one(values), remarks=said)
+
+
+def test_a_slide_that_reaches_the_end_of_the_drawing_is_reported(root):
+    case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
+    case = replace(case, entries=[e for e in case.entries if e.name == "upstream toe"])
+    found = asked(Held(power_law, ["upstream toe"]), [lognormal()])
+    document = document_of(case, [lognormal()], found, None)
+    (line,) = document["remarks"]
+    assert line == f"with {found.strengths.min():.3g} kPa the slide reaches the left end"
+    assert line in summary(document)
+
+
 def test_an_open_domain_has_no_edge_and_room_on_both_sides(root):
     case = prediction_case(load_case(root / "case_histories/lower_san_fernando_paper"))
     assert case.scene.domain.walls == "open"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometry.scenes.scene import Scene, scene_from_mapping
-from inversion.engines.read_run import MOVED, ends_reached
+from geometry.survey.ends import MOVED, ends_reached
 
 
 def dam_on_a_layer(**ends: str) -> Scene:
