@@ -26,6 +26,9 @@ BORDER_SHIFT = (1e-7, 0.618e-7)
 #: Shares of a square that differ by less are the same: rounding of outlines far from zero.
 ROUNDED = 1e-9
 
+#: Distances between squares and points that are taken at once.
+PAIRS = 4_000_000
+
 
 @dataclass(frozen=True)
 class MaterialPoints:
@@ -154,23 +157,23 @@ def soil_held(
         origin: (x, y) from which the lattice counts [m].
         spacing: distance between points [m].
     """
+    if not len(points):
+        return np.zeros(0)
     corner = np.floor((polygon.min(axis=0) - origin) / spacing).astype(int) - 1
     share = covered_squares((polygon - origin) / spacing - corner)
     own = np.floor((points - origin) / spacing).astype(int) - corner
     held = share[own[:, 0], own[:, 1]]
-    lacking = share.copy()
-    lacking[own[:, 0], own[:, 1]] = 0.0
-    column, row = np.nonzero(lacking)
-    if len(own) and len(column):
-        taken = np.zeros(share.shape, bool)
-        taken[own[:, 0], own[:, 1]] = True
-        inner = taken.copy()
-        for axis in (0, 1):
-            inner &= np.roll(taken, 1, axis) & np.roll(taken, -1, axis)
-        rim = np.flatnonzero(~inner[own[:, 0], own[:, 1]])
-        apart = (own[rim, 0] - column[:, None]) ** 2 + (own[rim, 1] - row[:, None]) ** 2
+    taken = np.zeros(share.shape, bool)
+    taken[own[:, 0], own[:, 1]] = True
+    inner = taken.copy()
+    for axis in (0, 1):
+        inner &= np.roll(taken, 1, axis) & np.roll(taken, -1, axis)
+    rim = np.flatnonzero(~inner[own[:, 0], own[:, 1]])  # the nearest is one of these
+    lacking = np.argwhere((share > 0.0) & ~taken)
+    for some in np.array_split(lacking, 1 + len(lacking) * len(rim) // PAIRS):
+        apart = ((own[rim] - some[:, None]) ** 2).sum(axis=2)
         nearest = apart == apart.min(axis=1, keepdims=True)
-        parts = nearest * (lacking[column, row] / nearest.sum(axis=1))[:, None]
+        parts = nearest * (share[some[:, 0], some[:, 1]] / nearest.sum(axis=1))[:, None]
         held[rim] += parts.sum(axis=0)
     return held * spacing**2
 
