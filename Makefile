@@ -63,8 +63,9 @@ test-numerics: $(READY)
 	$(IN_VENV) python -m tests.processors
 
 # What `make test` has just run with few examples is run again with many, and nothing else twice.
+# The longest files begin first (tests/conftest.py).
 test-all: $(READY)
-	HYPOTHESIS_PROFILE=large $(PYTEST) -rfEs -m "slow or property"
+	HYPOTHESIS_PROFILE=large $(PYTEST) --no-loadscope-reorder -rfEs -m "slow or property"
 
 verify: $(READY)
 	$(IN_VENV) python -m benchmarks.verification

@@ -42,11 +42,23 @@ def pytest_configure() -> None:
         os.sched_setaffinity(0, cores[number % len(cores) :: of])
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+LONGEST = (
+    "test_tutorial.py", "test_invert_body.py", "test_gpu_benchmark.py", "test_kills.py",
+    "test_workflow.py", "test_processors.py", "test_wheel.py", "test_posterior.py",
+    "test_invert.py", "test_commands.py", "test_train.py",
+)  # fmt: skip
+"""Files with the longest tests, begun first by `make test-all`: at its end no worker waits for the
+other. xdist by itself would begin them last, as some have one test only."""
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark the property tests, which `make test-all` runs again with more examples."""
     for item in items:
         if getattr(getattr(item, "function", None), "is_hypothesis_test", False):
             item.add_marker("property")
+    if not config.getoption("loadscopereorder", True):
+        order = {name: place for place, name in enumerate(LONGEST)}
+        items.sort(key=lambda item: order.get(item.path.name, len(order)))
 
 
 SPENT: dict[str, float] = {}
