@@ -27,7 +27,7 @@ from pipeline.config import load_config
 from pipeline.files import write_text, yaml_text
 from pipeline.progress import Watch
 
-TRUTH, DURATION = 2.6, 20.0
+TRUTH, DURATION = 2.6, 12.0
 SAID = {"confidence": "published", "source": "simulated"}
 STRENGTH = {"name": "S_r", "zones": ["slimes"], "property": "residual_strength_kpa",
             "start": 5.0, "low": 1.0, "high": 12.0}  # fmt: skip

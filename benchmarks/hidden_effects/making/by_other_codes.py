@@ -85,9 +85,7 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
         code = codes[kind].deal()
         effects: tuple[str, ...] = ()
         able = [
-            name
-            for name in source(code).hides
-            if _dealt(benchmark, name) and places(code, name)
+            name for name in source(code).hides if _dealt(benchmark, name) and places(code, name)
         ]
         if kind == "single":
             family = families.deal()
