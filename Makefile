@@ -45,6 +45,9 @@ BY_UV = @$(if $(findstring all,$(EXTRAS)),$(PIP) --quiet torch &&) \
   "$(UV)" pip install $$(test -t 2 || echo --quiet) --python "$(VENV)/bin/python" \
     -c constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]" && touch "$@"
 
+# A worker has a core: what BLAS would start beside it, before the worker knows, only spins.
+PYTEST = $(IN_VENV) OPENBLAS_NUM_THREADS=1 python -m pytest -n 2 --dist loadfile
+
 .PHONY: lsfd test test-numerics test-all verify docs lint format install clean
 .DELETE_ON_ERROR:
 
@@ -54,15 +57,15 @@ lsfd: $(firstword $(wildcard $(READY)) $(LSFD_READY))
 	@cat results/lower_san_fernando/inversion/summary.txt
 
 test: $(READY)
-	$(IN_VENV) CPU_BUDGET_S=3 python -m pytest -n 2 --dist loadfile -rfEs
+	CPU_BUDGET_S=3 $(PYTEST) -rfEs
 
 test-numerics: $(READY)
 	$(IN_VENV) python -m tests.processors
 
-# In two commands: what `make test` has just run with few examples is not run again whole.
+# What `make test` has just run with few examples is run again with many, and nothing else twice.
+# The longest files begin first (tests/conftest.py).
 test-all: $(READY)
-	$(IN_VENV) python -m pytest -n 2 --dist loadfile -rfEs -m slow
-	$(IN_VENV) HYPOTHESIS_PROFILE=large python -m pytest -n 2 --dist loadfile -m property
+	HYPOTHESIS_PROFILE=large $(PYTEST) --no-loadscope-reorder -rfEs -m "slow or property"
 
 verify: $(READY)
 	$(IN_VENV) python -m benchmarks.verification

@@ -26,23 +26,39 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def pytest_configure() -> None:
-    """Give each worker of `-n` its share of the processor cores.
+    """Give each worker of `-n` its share of the processor cores, and each of several runs its own.
 
     What uses all cores by default then uses that share, and kernels, which Taichi compiles for a
     number of threads, are compiled for one number.
     """
-    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 1))
-    if workers > 1 and hasattr(os, "sched_setaffinity"):
-        number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    share = os.environ.get("CORES_SHARE", "0/1")  # of a run beside others: `tests.processors`
+    if worker := os.environ.get("PYTEST_XDIST_WORKER"):  # which inherits what its run has
+        share = f"{worker.removeprefix('gw')}/{os.environ['PYTEST_XDIST_WORKER_COUNT']}"
+    number, of = map(int, share.split("/"))
+    if of > 1:
         cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, cores[number % len(cores) :: workers])
+        os.sched_setaffinity(0, cores[number % len(cores) :: of])
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+LONGEST = (
+    "test_tutorial.py", "test_invert_body.py", "test_gpu_benchmark.py", "test_kills.py",
+    "test_workflow.py", "test_processors.py", "test_wheel.py", "test_posterior.py",
+    "test_invert.py", "test_commands.py", "test_train.py",
+)  # fmt: skip
+"""Files with the longest tests, begun first by `make test-all`: at its end no worker waits for the
+other. xdist by itself would begin them last, as some have one test only."""
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark the property tests, which `make test-all` runs again with more examples."""
     for item in items:
         if getattr(getattr(item, "function", None), "is_hypothesis_test", False):
             item.add_marker("property")
+    if not config.getoption("loadscopereorder", True):
+        order = {name: place for place, name in enumerate(LONGEST)}
+        items.sort(key=lambda item: order.get(item.path.name, len(order)))
 
 
 SPENT: dict[str, float] = {}

@@ -3,7 +3,7 @@
 OpenBLAS and numpy choose their kernels by the processor, and so round otherwise on each. The fast
 tests of the back-analysis and the diagnosis are run under those that this machine can run and does
 not choose by itself (`make test` has run those), in an order drawn anew (`--randomly-seed` repeats
-it).
+it). All kernels at once, each on its share of the cores: so each collects the tests but once.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import ctypes
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -40,17 +41,28 @@ def own_kernel() -> str:
 
 def main() -> int:
     """Run the tests under each; the exit code of the first that fails."""
-    command = [sys.executable, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-p", "randomly"]
     here = own_kernel()
-    for kernel, environment in PROCESSORS.items():
-        if kernel == here:
-            continue
-        print(f"as a {kernel} computes: {environment}", flush=True)
-        own = {**os.environ, "OPENBLAS_CORETYPE": kernel, **environment}
-        done = subprocess.run([*command, "-rfE", *TESTS], env=own, check=False)
-        if done.returncode:
-            return done.returncode
-    return 0
+    kernels = [kernel for kernel in PROCESSORS if kernel != here]
+    each = max(len(os.sched_getaffinity(0)) // len(kernels), 1) if kernels else 1
+    command = [sys.executable, "-m", "pytest", "-p", "randomly", "-rfE", *TESTS]
+    if each > 1:
+        command += ["-n", str(each), "--dist", "loadfile"]
+    running = {}
+    for number, kernel in enumerate(kernels):
+        own = {
+            **os.environ,
+            "OPENBLAS_CORETYPE": kernel,
+            "CORES_SHARE": f"{number}/{len(kernels)}",
+            **PROCESSORS[kernel],
+        }
+        said = tempfile.TemporaryFile("w+")
+        running[kernel] = subprocess.Popen(command, env=own, stdout=said, stderr=said), said
+    codes = []
+    for kernel, (process, said) in running.items():
+        codes.append(process.wait())
+        said.seek(0)
+        print(f"as a {kernel} computes: {PROCESSORS[kernel]}", said.read(), sep="\n", flush=True)
+    return next((code for code in codes if code), 0)
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from inversion.posterior.unknown import varied_case
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from pipeline.cli import InputError
+from pipeline.config import load_config
 from pipeline.files import read_json
 from pipeline.progress import Watch
 from report.back_analysis import summary
@@ -108,7 +109,11 @@ def test_every_function_of_the_interface_asks_it(embankment, formula, tmp_path):
     predicted = flowslide.predict(embankment, ["12+-2"], engine="formula", seeds=2, samples=500)
     middle = predicted["quantities"][0]["mean"]
     assert middle == pytest.approx(30.0 - 5.0 * np.log(TRUTH), abs=0.3)
-    verdict = flowslide.diagnose(embankment, engine="formula", out=tmp_path / "diagnosis")
+    few = {"replicates": 2, "draws": 200, "starts": 1, "rounds": 1, "refitted": 1, "max_runs": 70}
+    settings = load_config(None, [f"diagnosis.{name}={value}" for name, value in few.items()])
+    verdict = flowslide.diagnose(
+        embankment, engine="formula", out=tmp_path / "diagnosis", settings=settings
+    )
     assert verdict.manifest["settings"]["engine"] == "formula"
     assert not (tmp_path / "diagnosis" / "sections.npz").exists()
     section = varied_case(inversion_case(load_case(embankment)))

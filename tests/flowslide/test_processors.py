@@ -59,6 +59,7 @@ def answers(commands, tmp_path, run_module, monkeypatch):
             if before is not None:
                 shutil.copytree(before / "runs", out / "runs")
             with monkeypatch.context() as here:
+                here.delenv("OPENBLAS_NUM_THREADS", raising=False)  # it would win
                 for key, value in {"OPENBLAS_CORETYPE": kernel, **environment}.items():
                     here.setenv(key, value)
                 threads = environment["OMP_NUM_THREADS"]

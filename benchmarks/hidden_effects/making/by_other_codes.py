@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,10 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
     families = Deck(FAMILIES, stream)
     decks: dict[Any, Deck] = {}
 
+    @cache  # which makes the sections on the ground of a code
+    def places(code: str, *names: str) -> list[str]:
+        return _places(benchmark, code, *names)
+
     def dealt(key: Any, cards: Sequence[Any]) -> Any:
         return decks.setdefault(key, Deck(cards, stream)).deal()
 
@@ -80,9 +85,7 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
         code = codes[kind].deal()
         effects: tuple[str, ...] = ()
         able = [
-            name
-            for name in source(code).hides
-            if _dealt(benchmark, name) and _places(benchmark, code, name)
+            name for name in source(code).hides if _dealt(benchmark, name) and places(code, name)
         ]
         if kind == "single":
             family = families.deal()
@@ -91,7 +94,7 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
             effects = (dealt((code, family), members),)
         elif kind == "outside":
             effects = (dealt((code, "stranger"), [n for n in able if THINGS[n].stranger]),)
-        where = _places(benchmark, code, *effects)
+        where = places(code, *effects)
         section = dealt((kind, tuple(where)), where)
         survey = dealt((kind, "survey"), wanted.surveys)
         found.append(PlannedByCode(f"case_{k + 1:04d}", kind, effects, section, survey, 0, code))
