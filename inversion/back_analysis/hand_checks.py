@@ -12,12 +12,14 @@ import math
 from geometry.scenes.scene import Scene
 from geometry.sides import Side
 from inversion.back_analysis.result import HandCheck, ParameterAnswer
+from inversion.classical.block import block_factor
 from inversion.classical.search import critical_circle
 from inversion.classical.section import section_of
 from inversion.classical.slices import WaterForm
+from pipeline.cli import WorkFailed
 
-#: Above this factor of safety a section stands: Bishop's circles are not the weakest surfaces, and
-#: differ from other methods by some percent.
+#: Above this factor of safety a section stands: circles and blocks are not the weakest surfaces,
+#: and differ from other methods by some percent.
 STANDS = 1.05
 
 #: S_r / sigma'_v0 of flow slides (Olson and Stark 2002, Can. Geotech. J. 39: 0.05 to 0.12).
@@ -36,8 +38,32 @@ def stability_check(scene: Scene, side: Side, form: WaterForm) -> HandCheck:
         form: how water acts.
 
     Raises:
-        WorkFailed: no circle stays within the soil.
+        WorkFailed: neither a circle nor a block stays within the soil.
     """
+    found = {
+        "by Bishop's circles": _circle_factor(scene, side, form),
+        "of a block on what liquefied": block_factor(scene, side, form),
+    }
+    known = {how: factor for how, factor in found.items() if math.isfinite(factor)}
+    if not known:
+        raise WorkFailed("neither a circle nor a block stays within the soil")
+    least = min(known.values())
+    agrees = least <= STANDS
+    verdict = "it slides" if agrees else "it would have stood"
+    told = ", ".join(f"{factor:.2f} {how}" for how, factor in known.items())
+    return HandCheck(
+        name="stability",
+        value=least,
+        low=None,
+        high=STANDS,
+        agrees=agrees,
+        words=f"factor of safety of the section before, to the {side}: {told}, with the strengths "
+        f"of the answer; {verdict}",
+    )
+
+
+def _circle_factor(scene: Scene, side: Side, form: WaterForm) -> float:
+    """The lowest factor of safety by Bishop's method; nan where no circle stays within the soil."""
     low, high = scene.extent
     near = 0.02 * (high - low)
     crest = [x for zone in scene.zones for x, y in zone.polygon if y > high - near]
@@ -48,25 +74,17 @@ def stability_check(scene: Scene, side: Side, form: WaterForm) -> HandCheck:
     begin = scene.end(side) if scene.domain.goes_on(side) else foot
     toe = sorted((begin, foot + 0.45 * (edge - foot)))
     head = sorted((foot + 0.5 * (edge - foot), foot + 0.98 * (behind - foot)))
-    found = critical_circle(
-        section_of(scene),
-        side,
-        head=(head[0], head[1]),
-        toe=(toe[0], toe[1]),
-        form=form,
-        rounds=ROUNDS,
-    )
-    agrees = found.value <= STANDS
-    verdict = "it slides" if agrees else "it would have stood"
-    return HandCheck(
-        name="stability",
-        value=found.value,
-        low=None,
-        high=STANDS,
-        agrees=agrees,
-        words=f"factor of safety of the section before, by Bishop's method, to the {side}: "
-        f"{found.value:.2f} with the strengths of the answer; {verdict}",
-    )
+    try:
+        return critical_circle(
+            section_of(scene),
+            side,
+            head=(head[0], head[1]),
+            toe=(toe[0], toe[1]),
+            form=form,
+            rounds=ROUNDS,
+        ).value
+    except WorkFailed:
+        return math.nan
 
 
 def ratio_check(parameter: ParameterAnswer) -> HandCheck | None:

@@ -143,7 +143,7 @@ def test_killed_and_continued_leaves_the_same_bytes(solved, root, tmp_path, thre
         command,
         cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300  # on a busy machine
     while len(list(out.glob("runs/[!.]*.npz"))) < 7 and time.monotonic() < deadline:
         time.sleep(0.005)
     os.kill(process.pid, signal.SIGKILL)
