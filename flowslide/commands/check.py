@@ -145,17 +145,18 @@ def print_doubts(scene: Scene) -> None:
 
 def print_ends(scene: Scene) -> None:
     """Print where the ground goes on, and where the section ends in a free face."""
+    import numpy as np
     import shapely
 
+    from geometry.scenes.polygon_checks import on_verticals
     from geometry.sides import SIDES, outward_of
     from geometry.survey.columns import toe_thickness
 
     whole = shapely.union_all([shapely.Polygon(zone.polygon) for zone in scene.zones])
-    low, high = scene.extent
     for side in SIDES:
         end = scene.end(side)
         x = end - outward_of(side) * 0.05 * scene.spacing
-        cut = shapely.LineString([(x, low - 1.0), (x, high + 1.0)]).intersection(whole)
+        (cut,) = on_verticals(whole, np.array([x]))
         if scene.domain.goes_on(side):
             front = [scene.zones[number].name for number in scene.front_zones(side)]
             toe = f"the toe there is that of {', '.join(front)}" if front else "no toe there"

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from shapely import LineString, intersection, length
+from shapely import bounds, length
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
-from geometry.scenes.polygon_checks import is_crowded
+from geometry.scenes.polygon_checks import is_crowded, on_verticals
 from geometry.scenes.scene import Scene
 
 #: Heights of dams, slopes and experiments [m]: the highest dam has 330 m.
@@ -41,10 +41,9 @@ def thin_layers(scene: Scene) -> list[str]:
         return []
     lines = []
     for part in getattr(whole, "geoms", [whole] if liquefied else []):
-        left, low, right, high = part.bounds
+        left, _, right, _ = part.bounds
         places = np.linspace(left, right, VERTICALS + 2)[1:-1]
-        across = np.array([LineString([(x, low - 1.0), (x, high + 1.0)]) for x in places])
-        thick = float(np.median(length(intersection(across, part))))
+        thick = float(np.median(length(on_verticals(part, places))))
         rows = thick / scene.spacing
         if rows < FEWEST_ROWS:
             lines.append(
@@ -86,12 +85,10 @@ def _shape(scene: Scene) -> Iterator[str]:
     bodies = getattr(whole.buffer(0.01 * scene.spacing), "geoms", [None])
     if len(bodies) > 1:
         yield f"the section is of {len(bodies)} bodies that do not touch; is a zone missing?"
-    left, low, right, high = whole.bounds
+    left, _, right, _ = whole.bounds
     x = np.linspace(left, right, VERTICALS + 2)[1:-1]
-    lines = np.array([LineString([(place, low - 1.0), (place, high + 1.0)]) for place in x])
-    cuts = intersection(lines, whole)
-    there = length(cuts)
-    top = np.array([cut.bounds[3] if not cut.is_empty else np.nan for cut in cuts])
+    cuts = on_verticals(whole, x)
+    there, top = length(cuts), bounds(cuts)[:, 3]  # of nothing: nan
     air = top - scene.ground.height(x) - there
     under = np.flatnonzero(air > scene.spacing)
     if len(under) > 1:

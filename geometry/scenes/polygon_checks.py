@@ -11,7 +11,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from shapely import contains_xy, dwithin, get_coordinates, get_num_coordinates, points, prepare
+from shapely import (
+    contains_xy,
+    dwithin,
+    get_coordinates,
+    get_num_coordinates,
+    intersection,
+    linestrings,
+    points,
+    prepare,
+)
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
@@ -168,6 +177,13 @@ def _too_narrow(name: str, shape: Polygon, spacing: float) -> str:
         f"zones: zone {name!r} is a sliver, nowhere as wide as the spacing {spacing:g} m; give it "
         "width, join it to a neighbour or take a smaller spacing"
     )
+
+
+def on_verticals(shape: BaseGeometry, x: np.ndarray) -> np.ndarray:
+    """What of a shape lies on the verticals at places x (n,) [m]: n geometries, empty: nothing."""
+    _, low, _, high = shape.bounds
+    ends = [np.stack([x, np.full_like(x, y)], axis=1) for y in (low - 1.0, high + 1.0)]
+    return np.asarray(intersection(linestrings(np.stack(ends, axis=1)), shape))
 
 
 def area(vertices: Sequence[Point]) -> float:

@@ -14,6 +14,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
+from geometry.scenes.polygon_checks import on_verticals
 from geometry.scenes.scene import Scene
 from geometry.sides import Side, outward_of
 from inversion.classical.limit_equilibrium import force_balance
@@ -107,7 +108,6 @@ def _bottom(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     low, high = scene.extent
     left, _, right, _ = whole.bounds
     x = np.linspace(left, right, VERTICALS + 2)[1:-1]
-    ends = np.stack([np.stack([x, np.full_like(x, y)], axis=1) for y in (low - 1, high + 1)], axis=1)
-    cut = shapely.intersection(shapely.linestrings(ends), whole)
+    cut = on_verticals(whole, x)
     there = ~shapely.is_empty(cut)
     return x[there], shapely.bounds(cut[there])[:, 1] + LIFT * (high - low)
