@@ -33,8 +33,13 @@ def doubts(scene: Scene) -> list[str]:
     return [*_size(scene), *_soils(scene), *_shape(scene)]
 
 
-def thin_layers(scene: Scene) -> list[str]:
-    """Lines on liquefied layers of few rows of points, in which S_r comes out too low."""
+def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
+    """Lines on liquefied layers of few rows of points, in which S_r comes out too low.
+
+    Args:
+        scene: the section.
+        fewest: rows with which nothing is said.
+    """
     liquefied = [zone for zone in scene.zones if scene.materials[zone.material].liquefied]
     whole = unary_union([Polygon(zone.polygon) for zone in liquefied])
     if is_crowded(whole, scene.spacing):
@@ -45,7 +50,7 @@ def thin_layers(scene: Scene) -> list[str]:
         places = np.linspace(left, right, VERTICALS + 2)[1:-1]
         thick = float(np.median(length(on_verticals(part, places))))
         rows = thick / scene.spacing
-        if rows < FEWEST_ROWS:
+        if rows < fewest:
             lines.append(
                 f"what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m thick, "
                 f"{rows:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too low: "

@@ -44,8 +44,14 @@ def prediction_of(
         run_time_s=run.wall_time_s,
         at_rest=run.at_rest or failed,
         spacing_m=setup.scene.spacing,
-        remarks=ends_reached(setup.scene, run.initial, run.final),
+        remarks=_remarks(setup, run),
     )
+
+
+def _remarks(setup: SectionSetup, run: KeptRun) -> tuple[str, ...]:
+    if len(run.initial) != len(run.final):  # a direct model's are not the same points
+        return ()
+    return ends_reached(setup.scene, run.initial, run.final)
 
 
 def deposit_of(setup: SectionSetup, run: KeptRun, *, last: bool = True) -> Deposit:
