@@ -93,7 +93,7 @@ def _size(scene: Scene) -> str:
 
 
 def _check_3d(text: str) -> None:
-    from geometry.scenes3d.fill3d import drawn_volume
+    from geometry.scenes3d.fill3d import drawn_volume, volume_left_out
     from geometry.scenes3d.scene3d import load_scene_3d
     from geometry.survey3d.survey import FILE_NAME, load_survey
     from mpm_taichi.solver3d.problem import problem_of
@@ -112,6 +112,11 @@ def _check_3d(text: str) -> None:
             f"  {drawn:.4g} m3 between the rasters; the points hold {100.0 * apart:+.1f} %"
             + ("; a smaller spacing comes nearer" if abs(apart) > SAME_VOLUME else "")
         )
+        if (beyond := volume_left_out(scene)) > SAME_VOLUME * drawn:
+            print(
+                f"  doubtful: {beyond:.4g} m3 lie beyond the last whole cell and are left out; "
+                "rasters of a whole number of cells, twice the spacing, hold all of it"
+            )
     folder = Path(text) if Path(text).is_dir() else Path(text).parent
     if (folder / FILE_NAME).is_file():
         _print_measurements(load_survey(folder, scene))

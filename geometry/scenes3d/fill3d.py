@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.scenes.fill import BORDER_SHIFT, contains
-from geometry.scenes3d.scene3d import Scene3d, plan_domain
+from geometry.scenes3d.scene3d import Ground3d, Scene3d, overlap, plan_domain
 from pipeline.cli import InputError
 
 #: Places across a column, each way, at which the thickness of its soil is read: of the points, and
@@ -101,6 +101,32 @@ def drawn_volume(scene: Scene3d) -> float:
             for piece in _pieces(scene, plan, FINER_PARTS)
         )
     )
+
+
+def volume_left_out(scene: Scene3d) -> float:
+    """Volume between the rasters [m3] beyond the last whole cell, which no point stands for."""
+    ground = scene.ground
+    assert ground is not None
+    x_min, x_max, y_min, y_max = overlap(scene)
+    _, x_end, _, y_end = plan_domain(scene)
+    strips = ((x_end, x_max, y_min, y_max), (x_min, x_end, y_end, y_max))
+    return sum(_soil_over(ground, *strip, 0.25 * scene.spacing) for strip in strips)
+
+
+def _soil_over(
+    ground: Ground3d, x_min: float, x_max: float, y_min: float, y_max: float, step: float
+) -> float:
+    """Volume between the rasters over a rectangle [m3]."""
+    if x_max <= x_min or y_max <= y_min:
+        return 0.0
+    x, y = (
+        low + (high - low) * (np.arange(n) + 0.5) / n
+        for low, high in ((x_min, x_max), (y_min, y_max))
+        for n in [max(int(np.ceil((high - low) / step)), 1)]
+    )
+    place = np.meshgrid(x, y, indexing="ij")
+    thick = np.maximum(ground.surface.at(*place) - ground.base.at(*place), 0.0)
+    return float(thick.mean()) * (x_max - x_min) * (y_max - y_min)
 
 
 def _columns(scene: Scene3d) -> Iterator[np.ndarray]:

@@ -304,12 +304,22 @@ def _check_plans(scene: Scene3d, path: Path) -> None:
             )
 
 
-def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max [m]: where both base and surface are given, in whole cells."""
+def overlap(scene: Scene3d) -> tuple[float, float, float, float]:
+    """x_min, x_max, y_min, y_max [m]: where both base and surface are given."""
     assert scene.ground is not None
     axes = [raster.axes for raster in (scene.ground.base, scene.ground.surface)]
-    x_min, y_min = (max(pair[k][0] for pair in axes) for k in (0, 1))
-    x_max, y_max = (min(pair[k][-1] for pair in axes) for k in (0, 1))
+    x_min, y_min = (float(max(pair[k][0] for pair in axes)) for k in (0, 1))
+    x_max, y_max = (float(min(pair[k][-1] for pair in axes)) for k in (0, 1))
+    return x_min, x_max, y_min, y_max
+
+
+def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
+    """`overlap` in whole cells from its corner [m].
+
+    Raises:
+        InputError: there is not one cell.
+    """
+    x_min, x_max, y_min, y_max = overlap(scene)
     cell = POINTS_PER_CELL * scene.spacing
     along, across = (
         int((high - low) / cell + 1e-6) for low, high in ((x_min, x_max), (y_min, y_max))
@@ -318,7 +328,7 @@ def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
         raise InputError(
             f"{scene.name}: surface and base raster do not overlap by a cell of {cell:g} m"
         )
-    return float(x_min), float(x_min + along * cell), float(y_min), float(y_min + across * cell)
+    return x_min, x_min + along * cell, y_min, y_min + across * cell
 
 
 def is_body(place: str | PathLike[str]) -> bool:

@@ -119,6 +119,15 @@ def test_points_hold_the_volume_of_every_zone_at_any_spacing(terrain, spacing):
     assert points.volume.sum() == pytest.approx(2.0 * half, rel=0.001)
 
 
+@pytest.mark.parametrize("spacing", [1.0, 1.5, 2.9])
+def test_soil_beyond_the_last_whole_cell_is_counted(terrain, spacing):
+    zones = [{"name": "all", "material": "fill"}]
+    scene = load_scene_3d(terrain(zones, {"fill": SOILS["fill"]}), spacing=spacing)
+    held = fill_terrain(scene).volume.sum()
+    assert held + volume_left_out(scene) == pytest.approx(40.0 * 20.0 * 4.0, rel=1e-5)
+    assert (volume_left_out(scene) == 0.0) == (spacing == 1.0)
+
+
 def test_the_height_is_that_of_the_soil(terrain):
     zones = [{"name": "all", "material": "fill"}]
     scene = load_scene_3d(terrain(zones, {"fill": SOILS["fill"]}))
