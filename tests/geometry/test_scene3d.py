@@ -11,7 +11,7 @@ import pytest
 
 from geometry.scenes.polygon_checks import area
 from geometry.scenes.scene import save_scene
-from geometry.scenes3d.fill3d import drawn_volume, fill_terrain
+from geometry.scenes3d.fill3d import drawn_volume, fill_terrain, volume_left_out
 from geometry.scenes3d.scene3d import Scene3dDocument, load_scene_3d, plan_domain
 from geometry.survey3d.survey import LIBRARY, Survey3d
 from geometry.terrain.raster import Raster, write_raster
