@@ -2,7 +2,8 @@
 
 In: what the functions of `flowslide` return. Out: `answer`, lines in the words and digits of the
 reports; `strengths`, those found with their ranges in full digits, for the table of all methods;
-`values`, whatever was found, as a section can have it.
+`values`, whatever was found, as a section can have it; `implied`, which measurement asks for which
+strength.
 """
 
 from __future__ import annotations
@@ -12,6 +13,11 @@ from typing import Any
 
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from flowslide.api import Simulation, Simulation3d
+from inversion.back_analysis.implied_strengths import (
+    STRENGTHS,
+    ImpliedStrengths,
+    implied_strengths,
+)
 from inversion.back_analysis.result import ParameterAnswer, Result
 from inversion.posterior.document import PosteriorDocument
 from mpm_taichi.readings3d import named
@@ -23,22 +29,26 @@ from report.numbers import at_least, fixed, number, span, unit_of, with_unit
 from report.posterior import answer_sentence
 from report.sentences.back_analysis import answer_words
 from report.sentences.diagnosis import UNEXPLAINED, quoted_value
+from report.sentences.implied_strengths import answer_band, asked_words, how_words
 from report.sentences.small_cells import cells_words
 from report.simulation3d import warning
 
 Found = dict[str, Any]
 MOST_MOVERS, MOST_NEXT = 3, 2
 """Assumptions, and measurements to make next, that a line names."""
-STRENGTHS = ("residual_strength_kpa", "cohesion_kpa")
 
 
 def _found(
-    lines: Iterable[str], strengths: Iterable[Found] = (), values: Iterable[Found] = ()
+    lines: Iterable[str],
+    strengths: Iterable[Found] = (),
+    values: Iterable[Found] = (),
+    **more: list[Found],
 ) -> Found:
     return {
         "answer": [line for line in lines if line],
         "strengths": list(strengths),
         "values": list(values),
+        **more,
     }
 
 
@@ -118,8 +128,39 @@ def back_analysis(result: Result) -> Found:
     if cells is not None:
         lines.append(cells_words(cells))
     return _found(
-        lines, strengths, (_value(p.property, p.zones, p.as_run) for p in result.answer.parameters)
+        lines,
+        strengths,
+        (_value(p.property, p.zones, p.as_run) for p in result.answer.parameters),
+        implied=[_implied(one) for one in implied_strengths(result) if one.each],
     )
+
+
+def _implied(found: ImpliedStrengths) -> Found:
+    """Which measurement asks for which strength [kPa], in numbers and in words."""
+    low, high, words = answer_band(found.parameter)
+    return {
+        "label": found.parameter.label,
+        "value": found.parameter.value,
+        "low": low,
+        "high": high,
+        "words": words,
+        "how": how_words(found),
+        "tried": list(found.tried),
+        "rows": [
+            {
+                "name": one.name,
+                "role": one.role,
+                "status": one.status,
+                "value": one.value,
+                "low": one.low,
+                "high": one.high,
+                "also": list(one.also),
+                "is_limit": one.is_limit,
+                "words": asked_words(one),
+            }
+            for one in found.each
+        ],
+    }
 
 
 def _parameter(p: ParameterAnswer) -> str:
