@@ -1,6 +1,7 @@
 // Questions about a case, the jobs that answer them, what they found, and their reports.
 
 import { get, send } from "./api.js";
+import { draw, historyChart, impliedChart } from "./charts.js";
 import { askStrengths } from "./predict.js";
 import { el } from "./ui.js";
 
@@ -125,14 +126,14 @@ async function watchJobs() {
   }
   for (const job of shown) {
     // What has not changed stays as it is, so that the keyboard keeps its place.
-    const json = JSON.stringify([job, isOld(job), isOurs(job)]);
+    const json = JSON.stringify([job, isOld(job), isOurs(job), isNewest(job)]);
     if (lines.get(job.id)?.json !== json) lines.set(job.id, { json, line: jobLine(job) });
   }
   const wanted = shown.map((job) => lines.get(job.id).line);
   if (wanted.some((line, i) => $("jobs").children[i] !== line) || wanted.length !== $("jobs").children.length) {
     $("jobs").replaceChildren(...wanted);
     if (held.job) {
-      const again = lines.get(held.job)?.line.querySelectorAll("button, a") ?? [];
+      const again = lines.get(held.job)?.line.querySelectorAll("button, a, summary") ?? [];
       [...again].find((one) => one.textContent === held.words)?.focus();
     }
   }
@@ -150,6 +151,9 @@ function tellEnd(job) {
 }
 
 const isOld = (job) => isOurs(job) && Boolean(state.found) && job.revision !== state.found.revision;
+
+/** The newest answer of its kind is unfolded, those before it are not. */
+const isNewest = (job) => jobs.find((one) => one.state === "done" && one.kind === job.kind) === job;
 
 function jobLine(job) {
   const line = el("li");
@@ -171,6 +175,7 @@ function jobLine(job) {
     if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
     line.append(bar);
   }
+  line.append(...(job.implied ?? []).map((one) => impliedChart(one, isNewest(job))));
   if (job.history?.length) line.append(historyChart(job.history, job.state));
   line.append(jobButtons(job));
   return line;
@@ -234,46 +239,7 @@ async function download(job) {
   say(`${link.download} is with your downloads`);
 }
 
-// --- drawings ---
-
-function draw(tag, attributes, text = "") {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.textContent = text;
-  return made;
-}
-
-const short = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toFixed(1));
-
-/** What a search has tried: every parameter against the number of simulations. */
-function historyChart(history, now) {
-  const [width, height, left, right, top, foot] = [308, 96, 34, 8, 8, 18];
-  const names = Object.keys(history[0].values);
-  const values = history.flatMap((one) => Object.values(one.values));
-  let [low, high] = [Math.min(...values), Math.max(...values)];
-  if (high - low < 1e-9) [low, high] = [low - 1, high + 1];
-  const last = Math.max(history.at(-1).runs, 1);
-  const x = (runs) => left + ((width - left - right) * runs) / last;
-  const y = (value) => top + ((height - top - foot) * (high - value)) / (high - low);
-  const chart = draw("svg", { viewBox: `0 0 ${width} ${height}`, class: "history", role: "img" });
-  const end = names.map((name) => `${name.replaceAll("_", " ")} ${short(history.at(-1).values[name])}`).join(", ");
-  chart.append(draw("title", {}, `tried so far, after ${last} simulations: ${end}`));
-  for (const value of [low, high]) {
-    chart.append(draw("line", { class: "axis", x1: left, x2: width - right, y1: y(value), y2: y(value) }));
-    chart.append(draw("text", { x: left - 4, y: y(value) + 3, "text-anchor": "end" }, short(value)));
-  }
-  names.forEach((name, i) => {
-    const points = history.map((one) => `${x(one.runs)},${y(one.values[name])}`).join(" ");
-    chart.append(draw("polyline", { class: i ? "line other" : "line", points }));
-  });
-  for (const one of history) {
-    chart.append(draw("circle", { class: "value", cx: x(one.runs), cy: y(one.values[names[0]]), r: 2.5 }));
-  }
-  const words = `${names[0].replaceAll("_", " ")}${names.length > 1 ? " and others (dashed)" : ""}, by simulation`;
-  chart.append(draw("text", { x: left, y: height - 4 }, words));
-  chart.append(draw("text", { x: width - right, y: height - 4, "text-anchor": "end" }, `${last}${now === "running" ? " ..." : ""}`));
-  return chart;
-}
+// --- the table of strengths ---
 
 function rangeWords({ low, high }) {
   if (low === null && high === null) return "";
