@@ -85,7 +85,7 @@ def _bar(at: float) -> dict:
     return {"at": at, "low": at - 1.0, "high": at + 1.0, "size": abs(at), "n": 1}
 
 
-def _diagnosed(workspace) -> None:
+def _diagnosed(workspace, tilt: str = "tried alone") -> None:
     """A diagnosis that is done, as its process would have left it."""
     folder = workspace.hidden("small", "jobs", "20260101-000000-abcdef")
     job = Job(
@@ -103,7 +103,7 @@ def _diagnosed(workspace) -> None:
          "values": {"strength": 6.0}, **common},
         {"name": "strain_softening", "amplitude": 0.5, "told": "0.5", "how": "tried alone",
          "values": {"strength": 9.0}, **common},
-        {"name": "base_tilt", "amplitude": 0.7, "told": "0.7 m", "how": "tried alone",
+        {"name": "base_tilt", "amplitude": 0.7, "told": "0.7 m", "how": tilt,
          "values": {"strength": 8.5}, **common},
     ]  # fmt: skip
     write_json(
@@ -178,6 +178,18 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
         "rate_strengthening": 0.4})  # fmt: skip
     kept = yaml.safe_load(scene.read_text())
     assert kept["materials"]["loose"]["cohesion_kpa"] == 6.0
+
+
+def test_a_part_of_what_was_found_together_is_seen_as_a_part(workspace, page):
+    _diagnosed(workspace, tilt="named")
+    job = page.locator("#jobs > li").first
+    rate = job.get_by_role("switch", name="rate strengthening")
+    rate.click(timeout=WAIT_MS)
+    seen = job.locator(".seen")
+    expect(seen).to_contain_text("Seen now: with rate strengthening 0.4, strength 6 kPa")
+    expect(seen).to_contain_text("and without base tilt, found together with it.")
+    expect(job.get_by_role("button", name="Show it")).to_have_count(0)
+    expect(job.get_by_role("button", name="Keep it")).to_have_count(0)
 
 
 def until(holds) -> None:

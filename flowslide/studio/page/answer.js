@@ -236,7 +236,8 @@ function jobButtons(job) {
   }
   if (job.effects && isShown(job)) {
     const [named, values] = [namedEffects(job, state), asValues(job.effects.final, state)];
-    add("Show it", () => slide.showEffects(named ?? {}, values, job.options.spacing_m));
+    // With a part of what was found together the picture would be of nothing: the switches show the parts.
+    if (named) add("Show it", () => slide.showEffects(named, values, job.options.spacing_m));
     if (named && job.effects.is_result && !state.found.shipped) add("Keep it", () => slide.keepAnswer(values, named));
   }
   const maps = job.files.find((file) => file.endsWith(".bin"));

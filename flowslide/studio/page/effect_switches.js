@@ -57,6 +57,8 @@ export function tellSwitches(part, state) {
     const now = Object.entries(state.effects).map(([name, amplitude]) => `${plain(name)} ${Number(amplitude.toPrecision(3))}`);
     const with_ = now.length ? `with ${now.join(" and ")}` : "without any of these effects";
     const strength = strengths.length === 1 ? `, strength ${Number(strengths[0].toPrecision(3))} kPa` : "";
-    told.value = `Seen now: ${with_}${strength}.`;
+    const named = told.effects.filter(({ how }) => how === "named");
+    const lacks = named.some((one) => isOn(one, state)) ? named.filter((one) => !isOn(one, state)).map(({ name }) => plain(name)) : [];
+    told.value = `Seen now: ${with_}${strength}${lacks.length ? `, and without ${lacks.join(" and ")}, found together with it` : ""}.`;
   }
 }
