@@ -134,7 +134,7 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
     assert before["x"] > right > after["x"] > noise["x"], "the shaded part is within 2 std"
 
     seen = job.locator(".seen")
-    expect(seen).to_have_text("Seen now: without any of these effects.")
+    expect(seen).to_have_text("Seen now: without any effect.")
     strength, toe = page.get_by_label("S_r, loose [kPa]"), page.locator("#readings tbody tr").first
 
     def shown(effects: str, value: str, number: int) -> str:
@@ -153,7 +153,7 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
     rate.focus()
     page.keyboard.press("Space")
     expect(rate).to_have_attribute("aria-checked", "false")
-    assert shown("without any of these effects", "12", 3) != with_it
+    assert shown("without any effect", "12", 3) != with_it
     expect(page.locator("#play")).to_have_text("Play")
 
     # What was tried alone is shown alone, and what no slider has is not shown.
@@ -180,13 +180,20 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
     assert kept["materials"]["loose"]["cohesion_kpa"] == 6.0
 
 
-def test_a_part_of_what_was_found_together_is_seen_as_a_part(workspace, page):
+@pytest.fixture
+def with_shaking(workspace):
+    """The case has an effect of its own, with a parameter."""
+    path = workspace.folder / "small" / "scene.yaml"
+    path.write_text(path.read_text() + "effects: {shaking: {amplitude: 0.5, frequency_hz: 1.0}}\n")
+
+
+def test_a_part_of_what_was_found_together_is_seen_as_a_part(workspace, with_shaking, page):
     _diagnosed(workspace, tilt="named")
     job = page.locator("#jobs > li").first
     rate = job.get_by_role("switch", name="rate strengthening")
     rate.click(timeout=WAIT_MS)
     seen = job.locator(".seen")
-    expect(seen).to_contain_text("Seen now: with rate strengthening 0.4, strength 6 kPa")
+    expect(seen).to_contain_text("with shaking 0.5 and rate strengthening 0.4, strength 6 kPa")
     expect(seen).to_contain_text("and without base tilt, found together with it.")
     expect(job.get_by_role("button", name="Show it")).to_have_count(0)
     expect(job.get_by_role("button", name="Keep it")).to_have_count(0)

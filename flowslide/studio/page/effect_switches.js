@@ -54,8 +54,9 @@ export function tellSwitches(part, state) {
   for (const knob of part.querySelectorAll("[role=switch]")) knob.setAttribute("aria-checked", String(isOn(knob.effect, state)));
   const strengths = Object.values(state.changes?.strengths_kpa ?? {});
   for (const told of part.querySelectorAll(".seen")) {
-    const now = Object.entries(state.effects).map(([name, amplitude]) => `${plain(name)} ${Number(amplitude.toPrecision(3))}`);
-    const with_ = now.length ? `with ${now.join(" and ")}` : "without any of these effects";
+    const there = { ...state.found?.scene?.effects, ...state.effects }; // the case may have some of its own
+    const now = Object.entries(there).map(([name, one]) => [name, one?.amplitude ?? one]).filter(([, amplitude]) => amplitude > 0 || amplitude < 0).map(([name, amplitude]) => `${plain(name)} ${Number(amplitude.toPrecision(3))}`);
+    const with_ = now.length ? `with ${now.join(" and ")}` : "without any effect";
     const strength = strengths.length === 1 ? `, strength ${Number(strengths[0].toPrecision(3))} kPa` : "";
     const named = told.effects.filter(({ how }) => how === "named");
     const lacks = named.some((one) => isOn(one, state)) ? named.filter((one) => !isOn(one, state)).map(({ name }) => plain(name)) : [];

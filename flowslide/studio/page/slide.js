@@ -182,7 +182,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   function keepAnswer(values, effects = {}) {
     documents.edit("answer", ({ scene }) => {
       if (Object.keys(effects).length) scene.effects = { ...scene.effects, ...effects };
-      state.effects = {};
+      for (const name of Object.keys(effects)) delete state.effects[name]; // the case has it from now on
       for (const { property, zones, value } of values) {
         if (property === "water_level") { Object.assign(scene, { phreatic_line: waterTableAt(scene, short(value)), water_level: short(value) }); continue; }
         const own = ownMaterials(scene, zones);
