@@ -93,7 +93,7 @@ def explained(session: Session) -> ExplainDocument:
     document = explain_document(
         model,
         comparison,
-        explain(model, comparison, options),
+        explain(model, comparison, options, session.ranking),
         options,
         case=session.case.name,
         title=session.case.title,
@@ -108,7 +108,7 @@ def explained(session: Session) -> ExplainDocument:
 
 def diagnosed(session: Session) -> Verdict:
     """Run the loop on a session's model, and write what was found."""
-    found = diagnose(session.model, session.options, session.say)
+    found = diagnose(session.model, session.options, session.say, ranking=session.ranking)
     if session.model.wide_runs:
         session.say(f"{session.model.wide_runs} simulations in three dimensions")
     verdict = verdict_document(

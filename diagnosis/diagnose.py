@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.hypotheses.model import Model, Proposing
 from diagnosis.options import Options
+from diagnosis.ranking import Ranking
 from diagnosis.selection.decide import Decision, decide
 from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.forward_selection import run_rounds
@@ -55,7 +56,12 @@ class Diagnosis:
 
 
 def diagnose(
-    model: Model, options: Options, say: Say = lambda line: None, *, count: int = NEXT
+    model: Model,
+    options: Options,
+    say: Say = lambda line: None,
+    *,
+    count: int = NEXT,
+    ranking: Ranking | None = None,
 ) -> Diagnosis:
     """Run the loop.
 
@@ -64,17 +70,19 @@ def diagnose(
         options: what may be done otherwise.
         say: called for each stage in a line.
         count: measurements to suggest at most.
+        ranking: is told how the hypotheses stand; None: nobody watches.
 
     Raises:
         WorkFailed: no run of the base model could be read.
         InputError: an option names what the model does not know.
     """
+    ranking = ranking or Ranking()
     comparison = compare(model, options)
     say(
         f"base model: chi2 {comparison.adequacy.chi2:.1f} on {comparison.adequacy.dof} degrees of "
         f"freedom, combined p {comparison.adequacy.p_combined:.2g}"
     )
-    explanation = explain(model, comparison, options)
+    explanation = explain(model, comparison, options, ranking)
     if explanation.names:
         best = explanation.names[0]
         fall = max(explanation.scores.best(best).drop + 0.0, 0.0)
@@ -82,7 +90,7 @@ def diagnose(
             f"of {len(explanation.names)} effects {best} promises most: chi2 falls by {fall:.1f}, "
             f"p {explanation.scores.p_family[best]:.2g}"
         )
-    selection = Selection(comparison, explanation, options)
+    selection = Selection(comparison, explanation, options, ranking)
     run_rounds(selection)
     look_again(selection)
     tried_models, explanation = selection.tried, selection.explanation

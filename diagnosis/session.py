@@ -33,6 +33,7 @@ from diagnosis.hypotheses.hypothesis_file import (
     load_hypothesis,
 )
 from diagnosis.options import Options
+from diagnosis.ranking import Ranked, Ranking
 from diagnosis.verdict.sections_file import save_sections
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.case import Case
@@ -70,6 +71,7 @@ class Session:
         say: called with a line of progress.
         spacing_m: as asked for; None: the case's own.
         engine: what predicts.
+        ranked: called with the ranking of the hypotheses as it grows; None: nobody watches.
     """
 
     case: DiagnosisCase
@@ -81,6 +83,7 @@ class Session:
     say: Callable[[str], None]
     spacing_m: float | None = None
     engine: Engine = MPM
+    ranked: Ranked | None = None
     began: float = field(default_factory=time.perf_counter)
 
     @cached_property
@@ -92,6 +95,11 @@ class Session:
     def options(self) -> Options:
         """What the statistics know."""
         return self.case.options(self.model)
+
+    @property
+    def ranking(self) -> Ranking:
+        """Tells who watches how the hypotheses stand."""
+        return Ranking(self.ranked)
 
     def usual_runs(self, question: str) -> int:
         """About how many forward runs a comparison, an explanation or anything else takes."""
@@ -267,6 +275,7 @@ def open_session(
     threads: int | None = None,
     say: Callable[[str], None] = lambda line: None,
     on_run: OnRun | None = None,
+    ranked: Ranked | None = None,
 ) -> Session:
     """Read everything a diagnosis needs, before the first simulation.
 
@@ -281,6 +290,7 @@ def open_session(
         threads: CPU threads; None: all.
         say: called with a line of progress.
         on_run: called for each run of a batch.
+        ranked: called with the ranking of the hypotheses as it grows; None: nobody watches.
 
     Raises:
         InputError: one line with file, field, value and what is allowed.
@@ -296,4 +306,4 @@ def open_session(
         check_parent(model, path, folder)
     asked = diagnosis_case(case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin)
     store = RunStore(folder / "runs", threads=threads, on_run=on_run)
-    return Session(asked, case.config, folder, store, name, model, say, spacing_m, engine)
+    return Session(asked, case.config, folder, store, name, model, say, spacing_m, engine, ranked)

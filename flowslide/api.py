@@ -51,6 +51,7 @@ from pipeline.progress import Cancelled, Evaluated
 if TYPE_CHECKING:
     from diagnosis.answers import Extended, Track
     from diagnosis.diagnose import Diagnosis
+    from diagnosis.ranking import Ranked
     from diagnosis.session import Session
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
     from geometry.case import Case
@@ -829,6 +830,7 @@ def open_session(
     hypothesis: str | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
+    ranked: Ranked | None = None,
     **options: Unpack[DiagnosisOptions],
 ) -> Iterator[Session]:
     """A session of a diagnosis, for the length of a `with` block; one that is open stays so.
@@ -837,6 +839,7 @@ def open_session(
         what: the stage, for the progress.
         case: with a section, measurements and a question.
         out: None: the results are not kept.
+        ranked: called with the ranking of the hypotheses as it grows; None: nobody watches.
         options: see above; the total of the progress is what such a question usually takes.
 
     Raises:
@@ -860,6 +863,7 @@ def open_session(
             threads=run.threads,
             say=run.watch.say,
             on_run=run.watch.run_done,
+            ranked=ranked,
         )
         run.watch.plan({what: session.usual_runs(what)})
         with working_in(session.folder), run.watch.stage(what):
@@ -879,6 +883,7 @@ def diagnose(
     hypothesis: str | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
+    ranked: Ranked | None = None,
     **options: Unpack[DiagnosisOptions],
 ) -> Verdict:
     """Say whether the model of a case explains its measurements, and which effect it lacks if not.
@@ -887,6 +892,8 @@ def diagnose(
         case: with a section, measurements and a question; or what `open_session` gives, which has
             everything else already.
         out: `verdict.json`, `sections.npz` and the hypotheses are written there.
+        ranked: called with all hypotheses looked at so far, the best first, whenever the ranking
+            has changed (`diagnosis.ranking.Standing`); of a session that is open its own is called.
         options: see above; the total of the progress is what such a question usually takes.
 
     Returns:
@@ -906,6 +913,7 @@ def diagnose(
         hypothesis=hypothesis,
         engine=engine,
         spacing_m=spacing_m,
+        ranked=ranked,
         **options,
     ) as session:
         return _timed(diagnosed(session), session, "run")
@@ -957,6 +965,7 @@ def explain(
     hypothesis: str | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
+    ranked: Ranked | None = None,
     **options: Unpack[DiagnosisOptions],
 ) -> ExplainDocument:
     """Rank the effects that would explain the misfit of a case, and say what cannot be told apart.
@@ -965,6 +974,8 @@ def explain(
         case: with a section, measurements and a question; or what `open_session` gives, which has
             everything else already.
         out: `explain.json` and `sections.npz` are written there.
+        ranked: called with all hypotheses looked at so far, the best first, whenever the ranking
+            has changed (`diagnosis.ranking.Standing`); of a session that is open its own is called.
         options: see above; the total of the progress is what such a question usually takes.
 
     Returns:
@@ -984,6 +995,7 @@ def explain(
         hypothesis=hypothesis,
         engine=engine,
         spacing_m=spacing_m,
+        ranked=ranked,
         **options,
     ) as session:
         return _timed(explained(session), session, "explain")

@@ -16,6 +16,7 @@ from pipeline.extras import has
 from report.data.back_analysis import MANY, BackAnalysisData
 from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
 from report.sentences import back_analysis as words
+from report.sentences import implied_strengths as implied
 from report.table import plain
 from report.tables import back_analysis as tables
 from report.tables import checklist
@@ -105,6 +106,7 @@ def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
         _section(data),
         _methods(data),
         _measured(data),
+        _implied(data),
         _not_determined(data),
         _sensitivities(data),
         _variants(data),
@@ -231,6 +233,26 @@ def _measured(data: BackAnalysisData) -> Section:
     parts += tabulated(tables.measured_table(data, single), tables.source_table(single))
     parts += folded("Profiles and histories, value by value", *tables.series_tables(data))
     return Section(title, parts)
+
+
+def _implied(data: BackAnalysisData) -> Section:
+    from report.charts.implied_strengths import draw_implied_strengths
+
+    return Section(
+        "Which measurement asks for which strength",
+        [
+            *shown(
+                draw_implied_strengths(data, data.folder / "implied_strengths.svg"),
+                "A row for each measurement with the strength that would meet it, and the answer "
+                "as a band.",
+                *implied.how_sentences(data.result),
+                "Where two bars do not overlap, no strength meets both measurements: something "
+                "else is missing, or one of them is wrong. Triangle: beyond the runs; cross: no "
+                "strength meets it; hollow: a second strength that does.",
+            ),
+            *folded("The same in numbers", *tables.implied_tables(data)),
+        ],
+    )
 
 
 def _not_determined(data: BackAnalysisData) -> Section:

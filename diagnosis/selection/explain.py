@@ -8,6 +8,7 @@ that score best once more with another jitter.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from diagnosis.adequacy.adequacy import Adequacy, Test, assess
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Candidate, Model, amplitude_of
 from diagnosis.options import Options
+from diagnosis.ranking import Ranking
 from diagnosis.selection.refit import RefitContext
 from diagnosis.signatures.confounding import (
     Visibility,
@@ -99,17 +101,21 @@ def tested_candidates(model: Model, options: Options) -> tuple[list[Candidate], 
     return [c for c in model.candidates if c.name not in left_out], left_out
 
 
-def explain(model: Model, comparison: Comparison, options: Options) -> Explanation:
+def explain(
+    model: Model, comparison: Comparison, options: Options, ranking: Ranking | None = None
+) -> Explanation:
     """Score every candidate against the residual of the base model.
 
     Args:
         model: the model to diagnose.
         comparison: of `compare` with the same model and options.
         options: vetoes, priors.
+        ranking: is told what the scores promise, as they become known; None: nobody watches.
 
     Raises:
         InputError: an effect is named that the model does not know.
     """
+    ranking = ranking or Ranking()
     base = comparison.base
     candidates, left_out = tested_candidates(model, options)
     amplitudes = {c.name: amplitude_of(c, options.priors.get(c.name)) for c in candidates}
@@ -124,6 +130,12 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
         exact=frozenset(c.name for c in candidates if c.free),
     )
     linear = comparison.judged.system
+    ranking.named(candidates)
+
+    def watch(so_far: Mapping[str, Signature]) -> None:
+        scores = score_all(comparison.judged, so_far, candidates, projection=options.projection)
+        ranking.promise({name: scores.best(name).drop for name in scores.every})
+
     taken = take_signatures(
         base.runs,
         base.surface,
@@ -131,6 +143,7 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
         candidates,
         finite=options.finite_amplitudes,
         found=comparison.judged,
+        watch=watch if ranking.is_watched else None,
     )
     for candidate in candidates:
         if candidate.name not in taken:
@@ -140,7 +153,9 @@ def explain(model: Model, comparison: Comparison, options: Options) -> Explanati
     taken = check_by_second_seed(
         base.runs, base.surface, linear, taken, worth_checking(first, options)
     )
-    return _assembled(context, comparison, options, candidates, left_out, taken)
+    found = _assembled(context, comparison, options, candidates, left_out, taken)
+    ranking.promise({name: found.scores.best(name).drop for name in found.names})
+    return found
 
 
 def with_candidate(

@@ -15,6 +15,7 @@ import numpy as np
 from diagnosis.adequacy.adequacy import Test, assess, judged
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.options import Options
+from diagnosis.ranking import Ranking
 from diagnosis.selection.effect_error import doubting, with_own_error
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.refit import (
@@ -49,6 +50,7 @@ class Selection:
         comparison: of the base model.
         explanation: candidates against its residual; grows by things whose place is sought.
         options: settings of the diagnosis.
+        ranking: is told what refits find.
         tried: models so far.
         signatures: by candidate, the last that were taken.
     """
@@ -56,6 +58,7 @@ class Selection:
     comparison: Comparison
     explanation: Explanation
     options: Options
+    ranking: Ranking = field(default_factory=Ranking)
     tried: TriedModels = field(init=False)
     signatures: dict[str, Signature] = field(init=False)
 
@@ -167,6 +170,9 @@ class Selection:
     def _keep(self, model: FittedModel) -> FittedModel:
         """Keep a model, with whether it explains."""
         kept = self.tried.models[model.names] = replace(model, explains=self._explains(model))
+        if not model.unread:
+            fall = self.base.fit.total - kept.fit.total
+            self.ranking.refit(kept.names, fall)
         return kept
 
     def _explains(self, model: FittedModel) -> bool:

@@ -24,7 +24,7 @@ candidates are not many chances.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -42,6 +42,8 @@ FARTHEST = 1.5
 TOP_SEEN, TOP_RAISED = 8.0, 4.0
 #: Fall of the sum of squares that a screened candidate must promise to be looked at more closely.
 PROMISE = 2.0
+#: Amplitudes that are run before who watches is told.
+AT_ONCE = 12
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,10 @@ class Signature:
         return Ladder(np.array(rungs), np.array([self.changes.get(a, nothing) for a in rungs]))
 
 
+Watcher = Callable[[Mapping[str, Signature]], None]
+"""Called with the signatures that are known so far, by candidate."""
+
+
 def take_signatures(
     runs: Runs,
     surface: Surface,
@@ -84,6 +90,7 @@ def take_signatures(
     finite: bool = True,
     turns: int = 2,
     found: ProjectedFit | None = None,
+    watch: Watcher | None = None,
 ) -> dict[str, Signature]:
     """Run every candidate's ladder at an anchor, in four batches, drawn out where little is seen.
 
@@ -100,8 +107,9 @@ def take_signatures(
         turns: amplitudes of each sign in addition to the middle one; of one, the largest; 0: the
             middle one of one sign alone, the other sign taken as its mirror image.
         found: the fit whose residual screens; None: nothing is screened out.
+        watch: called with the signatures so far, of fewer amplitudes; None: nobody watches.
     """
-    ladders = _Ladders(runs, surface, linear, {c.name: c for c in candidates})
+    ladders = _Ladders(runs, surface, linear, {c.name: c for c in candidates}, watch)
     stay = np.zeros(surface.space.size)
     ladders.run([(c.name, _first(c, finite), stay) for c in candidates])
     raw = {name: next(iter(changes.items())) for name, changes in ladders.changes.items()}
@@ -149,6 +157,7 @@ class _Ladders:
     surface: Surface
     linear: System
     candidates: Mapping[str, Candidate]
+    watch: Watcher | None = None
     changes: dict[str, dict[float, np.ndarray]] = field(default_factory=dict)
     moves: dict[str, dict[float, np.ndarray]] = field(default_factory=dict)
 
@@ -204,11 +213,24 @@ class _Ladders:
 
     def run(self, wanted: Sequence[tuple[str, float, np.ndarray]]) -> None:
         """Run amplitudes with moves, as far as the allowance goes; a later run replaces another."""
-        changes = run_moved(self.runs, self.surface, wanted)
-        for (name, amplitude, move), change in zip(wanted, changes, strict=True):
-            if change is not None:
-                self.changes.setdefault(name, {})[amplitude] = change
-                self.moves.setdefault(name, {})[amplitude] = move
+        at_once = len(wanted) if self.watch is None else AT_ONCE
+        for first in range(0, len(wanted), max(at_once, 1)):
+            some = wanted[first : first + at_once]
+            changes = run_moved(self.runs, self.surface, some)
+            for (name, amplitude, move), change in zip(some, changes, strict=True):
+                if change is not None:
+                    self.changes.setdefault(name, {})[amplitude] = change
+                    self.moves.setdefault(name, {})[amplitude] = move
+            if self.watch is not None:
+                self.watch(self.so_far)
+
+    @property
+    def so_far(self) -> dict[str, Signature]:
+        """Signatures of the amplitudes that were run."""
+        return {
+            name: Signature(name, dict(changes), self.moves[name], next(iter(changes.items())))
+            for name, changes in self.changes.items()
+        }
 
 
 def _first(candidate: Candidate, finite: bool) -> float:

@@ -2,7 +2,8 @@
 
 In: what the functions of `flowslide` return. Out: `answer`, lines in the words and digits of the
 reports; `strengths`, those found with their ranges in full digits, for the table of all methods;
-`values`, whatever was found, as a section can have it.
+`values`, whatever was found, as a section can have it; `implied`, which measurement asks for which
+strength.
 """
 
 from __future__ import annotations
@@ -10,8 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from flowslide.api import Simulation, Simulation3d
+from inversion.back_analysis.implied_strengths import (
+    STRENGTHS,
+    ImpliedStrengths,
+    implied_strengths,
+)
 from inversion.back_analysis.result import ParameterAnswer, Result
 from inversion.posterior.document import PosteriorDocument
 from mpm_taichi.readings3d import named
@@ -19,26 +24,30 @@ from pipeline.ties import ranked
 from report import classical as classical_report
 from report import from_blow_counts as blow_counts_report
 from report import prediction as prediction_report
-from report.numbers import at_least, fixed, number, span, unit_of, with_unit
+from report.numbers import at_least, fixed, span, unit_of, with_unit
 from report.posterior import answer_sentence
 from report.sentences.back_analysis import answer_words
-from report.sentences.diagnosis import UNEXPLAINED, quoted_value
+from report.sentences.implied_strengths import answer_band, asked_words, how_words
 from report.sentences.small_cells import cells_words
 from report.simulation3d import warning
 
 Found = dict[str, Any]
-MOST_MOVERS, MOST_NEXT = 3, 2
-"""Assumptions, and measurements to make next, that a line names."""
-STRENGTHS = ("residual_strength_kpa", "cohesion_kpa")
+MOST_MOVERS = 3
+"""Assumptions that a line names."""
 
 
-def _found(
-    lines: Iterable[str], strengths: Iterable[Found] = (), values: Iterable[Found] = ()
+def as_found(
+    lines: Iterable[str],
+    strengths: Iterable[Found] = (),
+    values: Iterable[Found] = (),
+    **more: Any,
 ) -> Found:
+    """What a job has found, as its line in the list has it."""
     return {
         "answer": [line for line in lines if line],
         "strengths": list(strengths),
         "values": list(values),
+        **more,
     }
 
 
@@ -47,7 +56,7 @@ def _value(property: str, zones: Sequence[str], value: float) -> Found:
     return {"property": property, "zones": list(zones), "value": value}
 
 
-def _strength(
+def strength_found(
     method: str,
     label: str,
     value: float,
@@ -72,7 +81,7 @@ def _strength(
 
 def simulation(done: Simulation) -> Found:
     """What was read from the deposit."""
-    return _found(
+    return as_found(
         f"{one.name}: {fixed(one.simulated)} {one.unit}"
         for one in done.readings
         if one.simulated is not None
@@ -83,7 +92,7 @@ def simulation_3d(done: Simulation3d) -> Found:
     """What was read from the deposit in plan, and whether soil has reached a wall."""
     read = [(*named(name), value) for name, value in done.readings.items()]
     lines = [f"{words}: {with_unit(value, unit)}" for words, unit, value in read if value == value]
-    return _found([*lines[1:], warning(done.walls)])
+    return as_found([*lines[1:], warning(done.walls)])
 
 
 def back_analysis(result: Result) -> Found:
@@ -101,10 +110,12 @@ def back_analysis(result: Result) -> Found:
     for p in result.answer.parameters:
         if p.property in STRENGTHS and p.lower_bound_95 is not None:
             ends = p.lower_bound_95, None
-            strengths.append(_strength("back-analysis", p.label, ends[0], ends, "at least, 95 %"))
+            strengths.append(
+                strength_found("back-analysis", p.label, ends[0], ends, "at least, 95 %")
+            )
         elif p.property in STRENGTHS:
             strengths.append(
-                _strength(
+                strength_found(
                     "back-analysis",
                     p.label,
                     p.value,
@@ -117,9 +128,40 @@ def back_analysis(result: Result) -> Found:
     cells = result.answer.small_cells
     if cells is not None:
         lines.append(cells_words(cells))
-    return _found(
-        lines, strengths, (_value(p.property, p.zones, p.as_run) for p in result.answer.parameters)
+    return as_found(
+        lines,
+        strengths,
+        (_value(p.property, p.zones, p.as_run) for p in result.answer.parameters),
+        implied=[_implied(one) for one in implied_strengths(result) if one.each],
     )
+
+
+def _implied(found: ImpliedStrengths) -> Found:
+    """Which measurement asks for which strength [kPa], in numbers and in words."""
+    low, high, words = answer_band(found.parameter)
+    return {
+        "label": found.parameter.label,
+        "value": found.parameter.value,
+        "low": low,
+        "high": high,
+        "words": words,
+        "how": how_words(found),
+        "tried": list(found.tried),
+        "rows": [
+            {
+                "name": one.name,
+                "role": one.role,
+                "status": one.status,
+                "value": one.value,
+                "low": one.low,
+                "high": one.high,
+                "also": list(one.also),
+                "is_limit": one.is_limit,
+                "words": asked_words(one),
+            }
+            for one in found.each
+        ],
+    }
 
 
 def _parameter(p: ParameterAnswer) -> str:
@@ -139,7 +181,7 @@ def _movers(p: ParameterAnswer) -> str:
 def posterior(document: PosteriorDocument) -> Found:
     """Every parameter with its 95 % interval."""
     strengths = [
-        _strength(
+        strength_found(
             "posterior",
             one.label,
             one.after.median,
@@ -160,7 +202,7 @@ def posterior(document: PosteriorDocument) -> Found:
     lines = [answer_sentence(document)]
     if cells is not None:
         lines.append(cells_words(cells))
-    return _found(lines, strengths, values)
+    return as_found(lines, strengths, values)
 
 
 def prediction(document: Found) -> Found:
@@ -170,18 +212,18 @@ def prediction(document: Found) -> Found:
         f"{span(one['quantiles']['5'], one['quantiles']['95'])}"
         for one in document["quantities"]
     ]
-    return _found([f"S_r {prediction_report.strength_words(document)}", *lines])
+    return as_found([f"S_r {prediction_report.strength_words(document)}", *lines])
 
 
 def from_blow_counts(document: Found) -> Found:
     """How many relations predict what was measured, and doubts."""
-    return _found(blow_counts_report.remarks(document))
+    return as_found(blow_counts_report.remarks(document))
 
 
 def classical(document: Found) -> Found:
     """The strength of every method, slide by slide."""
     strengths = [
-        _strength(
+        strength_found(
             method["title"],
             f"{slide['name']} slide",
             method["value_kpa"],
@@ -193,41 +235,4 @@ def classical(document: Found) -> Found:
         if method["value_kpa"] is not None
     ]
     refused = [f"Not analysed: {reason}" for reason in document["not_analysed"]]
-    return _found([classical_report.lead(document), *refused], strengths)
-
-
-def comparison(document: CompareDocument | ExplainDocument) -> Found:
-    """The finding."""
-    return _found([document.sentence])
-
-
-def verdict(document: Verdict) -> Found:
-    """The verdict, the strength to use, and what to measure next."""
-    lines = [f"{document.verdict.replace('_', ' ').capitalize()}. {document.sentence}"]
-    strengths = []
-    for p in document.parameters:
-        used = document.quoted.get(p.name)
-        if used is None:
-            continue
-        low, high = used.intervals["95%"]
-        value = quoted_value(document, p.name, p.unit)
-        only = document.verdict in UNEXPLAINED
-        if used.at_least is not None:
-            lines.append(f"{p.words}: {value}")
-            if p.strength:
-                ends = (used.at_least, None)
-                strengths.append(
-                    _strength("diagnosis", p.words, used.at_least, ends, "at least, 95 %")
-                )
-            continue
-        if only:
-            lines.append(f"{p.words}: only a range, no result: 95 % {value}")
-        else:
-            lines.append(f"{p.words}: {value}, 95 % {number(low)} to {with_unit(high, p.unit)}")
-        if p.strength:
-            method = f"diagnosis, {'only a range' if only else 'all explanations'}"
-            strengths.append(_strength(method, p.words, used.value, (low, high), "95 %"))
-    best = [f"{one.words} (gain {number(one.gain, 2)})" for one in document.next_measurement]
-    if best:
-        lines.append(f"Measure next: {'; '.join(best[:MOST_NEXT])}")
-    return _found(lines, strengths)
+    return as_found([classical_report.lead(document), *refused], strengths)

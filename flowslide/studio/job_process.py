@@ -11,11 +11,12 @@ import os
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from diagnosis.ranking import Standing
 from flowslide.studio.jobs import JOB, RESULTS, STATE, Job, Kind
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import make_folder, read_json, write_json
@@ -25,6 +26,8 @@ OFTEN = 0.3
 #: Reports over which the time that is left is reckoned: simulations that are found in the store
 #: again take none, and the next stage may take longer.
 LOOKED_AT = 30
+#: Hypotheses of a ranking that are shown.
+MOST_RANKED = 8
 
 
 class Told:
@@ -63,6 +66,21 @@ class Told:
             {"runs": runs, "values": dict(values), "loss": loss if math.isfinite(loss) else None}
         )
 
+    def ranked(self, standings: Sequence[Standing]) -> None:
+        """How the hypotheses of a diagnosis stand, as `flowslide` reports it.
+
+        What was calibrated again is shown before what was merely promised, in the order of all.
+        """
+        calibrated = [one for one in standings if one.refitted is not None]
+        promised = [one for one in standings if one.refitted is None]
+        chosen = [*calibrated, *promised][:MOST_RANKED]
+        self.said["ranking"] = [
+            {"words": one.words, "promised": one.promised, "refitted": one.refitted}
+            for one in standings
+            if one in chosen
+        ]
+        self.said["looked_at"] = len(standings)
+
     def end(self, found: Mapping[str, Any]) -> None:
         """The last word."""
         kept = {k: v for k, v in self.said.items() if k not in ("process", "left_s")}
@@ -94,7 +112,7 @@ def main(folder: Path) -> int:
 def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
     """Answer; what was found, for the list of jobs."""
     import flowslide
-    from flowslide.studio import job_answers
+    from flowslide.studio import diagnosis_answers, job_answers
     from report import diagnosis as pages
 
     out = make_folder(folder / RESULTS[job.kind])
@@ -143,16 +161,16 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
         case "compare":
             compared = flowslide.compare(job.folder, **common)
             pages.write_compare(out)
-            return job_answers.comparison(compared)
+            return diagnosis_answers.comparison(compared)
         case "explain":
-            explained = flowslide.explain(job.folder, **common)
+            explained = flowslide.explain(job.folder, ranked=told.ranked, **common)
             pages.write_explain(out)
-            return job_answers.comparison(explained)
+            return diagnosis_answers.explanation(explained)
         case "diagnose":
             _neighbour(job, folder, "back_analyse")
-            verdict = flowslide.diagnose(job.folder, **common)
+            verdict = flowslide.diagnose(job.folder, ranked=told.ranked, **common)
             flowslide.write_report(out)
-            return job_answers.verdict(verdict)
+            return diagnosis_answers.verdict(verdict)
     raise InputError(f"kind {job.kind!r}: nobody does it")
 
 

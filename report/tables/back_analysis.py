@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from inversion.back_analysis.implied_strengths import implied_strengths
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, RelationAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from inversion.engines.small_cells import NAME as CELLS
@@ -24,6 +25,7 @@ from report.numbers import (
     with_unit,
 )
 from report.sentences.back_analysis import answer_words
+from report.sentences.implied_strengths import answer_band, asked_words, label_words
 from report.table import Table
 
 KINDS = {"ours": "this analysis", "engine": "the same question",
@@ -100,6 +102,18 @@ def method_tables(data: BackAnalysisData) -> list[Table]:
             panel.title,
         )
         for panel in slides(data)
+    ]
+
+
+def implied_tables(data: BackAnalysisData) -> list[Table]:
+    """Which measurement asks for which strength, one table for each strength that was sought."""
+    return [
+        Table(
+            ["measurement", "strength that it asks for"],
+            [[label_words(one), asked_words(one)] for one in found.each],
+            f"{found.parameter.label}: {answer_band(found.parameter)[2]}",
+        )
+        for found in implied_strengths(data.result)
     ]
 
 

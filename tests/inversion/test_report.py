@@ -29,7 +29,8 @@ from report.sentences.back_analysis import (
 from tests.inversion.report_case import NASTY, document, full, least, measurement, parameter
 from tests.pipeline.test_page import Outline
 
-PICTURES = {"methods.svg", "measured.svg", "before_after.svg", "history.svg", "catalogue.svg"}
+PICTURES = {"methods.svg", "measured.svg", "implied_strengths.svg", "before_after.svg",
+            "history.svg", "catalogue.svg"}  # fmt: skip
 
 
 def page_of(result: Result, folder: Path) -> str:
@@ -63,6 +64,7 @@ def test_every_part_is_there_in_order(full_page):
         "Answer",
         "The strength by every method",
         "Measured against predicted",
+        "Which measurement asks for which strength",
         "What the data do not determine",
         "What moves the answer",
         "Variants of the question",

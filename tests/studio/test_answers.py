@@ -78,7 +78,9 @@ def test_strength_and_runout_are_those_of_the_command_line(browser, workspace, t
     shared = ["--spacing", SPACING, "--threads", 1]
     command(capsys, "invert", case, "--out", out, "--quick", "--report", "none", *shared)
     own = load_result(out)
-    assert {name: job[name] for name in ("answer", "strengths", "values")} == back_analysis(own)
+    assert {name: job[name] for name in ("answer", "strengths", "values", "implied")} == (
+        back_analysis(own)
+    )
     assert job["answer"][0].startswith("S_r: ") and "95 %" in job["answer"][0]
     assert any("the full back-analysis has the rest" in line for line in job["answer"])
     (found,) = job["strengths"]

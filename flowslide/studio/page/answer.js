@@ -1,6 +1,8 @@
 // Questions about a case, the jobs that answer them, what they found, and their reports.
 
 import { get, send } from "./api.js";
+import { draw, historyChart, impliedChart, misfitChart, rankingChart } from "./charts.js";
+import { asValues, namedEffects, switches, tellSwitches } from "./effect_switches.js";
 import { askStrengths } from "./predict.js";
 import { el } from "./ui.js";
 
@@ -34,6 +36,7 @@ export function answers(page, tell, shown) {
   slide = shown;
   buildQuestions();
   watchJobs();
+  document.addEventListener("effects", () => tellSwitches($("jobs"), state));
   $("close").addEventListener("click", () => $("report").close());
   return { refresh: watchJobs, start };
 }
@@ -119,21 +122,22 @@ async function watchJobs() {
     && before.some((one) => one.id === job.id && one.state === "running"));
   const shown = jobs.slice(0, 12);
   const focused = document.activeElement;
-  const held = { job: focused?.closest("#jobs li")?.dataset.job, words: focused?.textContent };
+  const held = { job: focused?.closest("#jobs > li")?.dataset.job, words: wordsOf(focused) };
   for (const number of lines.keys()) {
     if (!shown.some((job) => job.id === number)) lines.delete(number);
   }
   for (const job of shown) {
     // What has not changed stays as it is, so that the keyboard keeps its place.
-    const json = JSON.stringify([job, isOld(job), isOurs(job)]);
-    if (lines.get(job.id)?.json !== json) lines.set(job.id, { json, line: jobLine(job) });
+    const json = JSON.stringify([job, isOld(job), isOurs(job), isNewest(job)]);
+    const old = lines.get(job.id);
+    if (old?.json !== json) lines.set(job.id, { json, line: unfoldedAs(old?.line, jobLine(job)) });
   }
   const wanted = shown.map((job) => lines.get(job.id).line);
   if (wanted.some((line, i) => $("jobs").children[i] !== line) || wanted.length !== $("jobs").children.length) {
     $("jobs").replaceChildren(...wanted);
     if (held.job) {
-      const again = lines.get(held.job)?.line.querySelectorAll("button, a") ?? [];
-      [...again].find((one) => one.textContent === held.words)?.focus();
+      const again = lines.get(held.job)?.line.querySelectorAll("button, a, summary") ?? [];
+      [...again].find((one) => wordsOf(one) === held.words)?.focus();
     }
   }
   tellRunning();
@@ -143,13 +147,31 @@ async function watchJobs() {
   watching = setTimeout(watchJobs, jobs.some(({ state: now }) => ["running", "waiting"].includes(now)) ? 700 : 5000);
 }
 
+/** What a button is known by when its line is made again: a summary counts, and its words change. */
+const wordsOf = (one) => one?.closest("summary")?.parentNode.dataset.key ?? one?.ariaLabel ?? one?.textContent;
+
+/** A line that is made again while its job runs: what somebody has folded stays so. */
+function unfoldedAs(before, line) {
+  for (const one of before?.dataset.state === line.dataset.state ? before.querySelectorAll("details") : []) {
+    const same = line.querySelector(`details[data-key="${one.dataset.key}"]`);
+    if (same) same.open = one.open;
+  }
+  return line;
+}
+
 /** An answer is said where somebody looks, and brought into sight. */
 function tellEnd(job) {
   say(`${job.words}: ${job.answer?.[0] ?? job.message}`, job.state === "failed");
   lines.get(job.id).line.scrollIntoView({ block: "nearest" });
 }
 
+/** It is done, on the case as it is and is shown. */
+const isShown = (job) => job.state === "done" && isOurs(job) && Boolean(state.found) && !isOld(job);
+
 const isOld = (job) => isOurs(job) && Boolean(state.found) && job.revision !== state.found.revision;
+
+/** The newest answer of its kind is unfolded, those before it are not. */
+const isNewest = (job) => jobs.find((one) => one.state === "done" && one.kind === job.kind) === job;
 
 function jobLine(job) {
   const line = el("li");
@@ -171,6 +193,10 @@ function jobLine(job) {
     if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
     line.append(bar);
   }
+  if (job.ranking?.length) line.append(rankingChart(job));
+  if (job.misfit?.length) line.append(misfitChart(job.misfit));
+  if (job.effects?.each.length && isShown(job)) line.append(switches(job, state, slide));
+  line.append(...(job.implied ?? []).map((one) => impliedChart(one, isNewest(job))));
   if (job.history?.length) line.append(historyChart(job.history, job.state));
   line.append(jobButtons(job));
   return line;
@@ -204,9 +230,15 @@ function jobButtons(job) {
   };
   if (["running", "waiting"].includes(job.state)) add("Cancel", post("cancel"));
   if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
-  if (job.state === "done" && job.values?.length && isOurs(job) && state.found && !isOld(job)) {
+  if (job.values?.length && isShown(job)) {
     add("Show it", () => slide.showValues(job.values, job.options.spacing_m));
     if (!state.found.shipped && !state.body) add("Keep it", () => slide.keepAnswer(job.values));
+  }
+  if (job.effects && isShown(job)) {
+    const [named, values] = [namedEffects(job, state), asValues(job.effects.final, state)];
+    // With a part of what was found together the picture would be of nothing: the switches show the parts.
+    if (named) add("Show it", () => slide.showEffects(named, values, job.options.spacing_m));
+    if (named && job.effects.is_result && !state.found.shipped) add("Keep it", () => slide.keepAnswer(values, named));
   }
   const maps = job.files.find((file) => file.endsWith(".bin"));
   if (job.state === "done" && maps && isOurs(job) && state.found) add("Show it", () => slide.showMaps(job, maps));
@@ -234,46 +266,7 @@ async function download(job) {
   say(`${link.download} is with your downloads`);
 }
 
-// --- drawings ---
-
-function draw(tag, attributes, text = "") {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.textContent = text;
-  return made;
-}
-
-const short = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toFixed(1));
-
-/** What a search has tried: every parameter against the number of simulations. */
-function historyChart(history, now) {
-  const [width, height, left, right, top, foot] = [308, 96, 34, 8, 8, 18];
-  const names = Object.keys(history[0].values);
-  const values = history.flatMap((one) => Object.values(one.values));
-  let [low, high] = [Math.min(...values), Math.max(...values)];
-  if (high - low < 1e-9) [low, high] = [low - 1, high + 1];
-  const last = Math.max(history.at(-1).runs, 1);
-  const x = (runs) => left + ((width - left - right) * runs) / last;
-  const y = (value) => top + ((height - top - foot) * (high - value)) / (high - low);
-  const chart = draw("svg", { viewBox: `0 0 ${width} ${height}`, class: "history", role: "img" });
-  const end = names.map((name) => `${name.replaceAll("_", " ")} ${short(history.at(-1).values[name])}`).join(", ");
-  chart.append(draw("title", {}, `tried so far, after ${last} simulations: ${end}`));
-  for (const value of [low, high]) {
-    chart.append(draw("line", { class: "axis", x1: left, x2: width - right, y1: y(value), y2: y(value) }));
-    chart.append(draw("text", { x: left - 4, y: y(value) + 3, "text-anchor": "end" }, short(value)));
-  }
-  names.forEach((name, i) => {
-    const points = history.map((one) => `${x(one.runs)},${y(one.values[name])}`).join(" ");
-    chart.append(draw("polyline", { class: i ? "line other" : "line", points }));
-  });
-  for (const one of history) {
-    chart.append(draw("circle", { class: "value", cx: x(one.runs), cy: y(one.values[names[0]]), r: 2.5 }));
-  }
-  const words = `${names[0].replaceAll("_", " ")}${names.length > 1 ? " and others (dashed)" : ""}, by simulation`;
-  chart.append(draw("text", { x: left, y: height - 4 }, words));
-  chart.append(draw("text", { x: width - right, y: height - 4, "text-anchor": "end" }, `${last}${now === "running" ? " ..." : ""}`));
-  return chart;
-}
+// --- the table of strengths ---
 
 function rangeWords({ low, high }) {
   if (low === null && high === null) return "";

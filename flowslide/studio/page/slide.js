@@ -135,7 +135,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     const rows = Object.entries(state.effects).map(([name, amplitude]) => {
       const one = state.workspace.effects.find((effect) => effect.name === name);
       const row = slider(name.replaceAll("_", " "), one.unit, amplitude, one.low < 0 ? -one.ladder[2] * 2 : 0,
-        one.ladder[2] * 2, one.ladder[0] / 20, (value) => { state.effects[name] = value; });
+        one.ladder[2] * 2, one.ladder[0] / 20, (value) => { state.effects[name] = value; tellEffects(); });
       row.title = one.meaning;
       const off = Object.assign(document.createElement("button"), { textContent: "remove" });
       off.addEventListener("click", () => { delete state.effects[name]; buildEffects(); ask(true); });
@@ -143,6 +143,18 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       return row;
     });
     $("effects").replaceChildren(...rows, choice);
+    tellEffects();
+  }
+
+  /** Who shows which effects are on hears of a change. */
+  const tellEffects = () => document.dispatchEvent(new CustomEvent("effects"));
+
+  /** Put effects, { name: amplitude }, on the sliders, and the values that were found with them. */
+  function showEffects(effects, values, spacing) {
+    state.effects = effects;
+    buildEffects();
+    showValues(values, spacing);
+    tellEffects();
   }
 
   /** Put the values of an answer, [{ property, zones, value }], on the sliders; false: there is none for one of them. */
@@ -166,9 +178,11 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     ask(true);
   }
 
-  /** The values of an answer become those of the case; zones that share their soil with others get one of their own. */
-  function keepAnswer(values) {
+  /** The values and effects of an answer become those of the case; zones that share their soil with others get one of their own. */
+  function keepAnswer(values, effects = {}) {
     documents.edit("answer", ({ scene }) => {
+      if (Object.keys(effects).length) scene.effects = { ...scene.effects, ...effects };
+      for (const name of Object.keys(effects)) delete state.effects[name]; // the case has it from now on
       for (const { property, zones, value } of values) {
         if (property === "water_level") { Object.assign(scene, { phreatic_line: waterTableAt(scene, short(value)), water_level: short(value) }); continue; }
         const own = ownMaterials(scene, zones);
@@ -289,7 +303,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   function describe({ points: number, times, came_to_rest: rest, readings: rows }) {
     const read = rows.filter(({ simulated }) => simulated !== null).map((row) => `${row.label} ${row.simulated.toFixed(1)} ${row.unit}`
       + (row.measured === null ? "" : `, measured ${row.below}${row.measured.toFixed(1)}`));
-    $("canvas").setAttribute("aria-label", [`Section before the slide, and the deposit: ${number} points, ${rest ? "at rest" : "still moving"} after ${times.at(-1).toFixed(1)} s`, ...read].join("; "));
+    $("canvas").setAttribute("aria-label", [`Section before the slide, and the deposit: ${number} points, ${rest ? "at rest" : "still moving"} after ${times.at(-1).toFixed(1)} s`, ...Object.keys(state.effects).map((name) => `with ${name.replaceAll("_", " ")}`), ...read].join("; "));
   }
 
   /** Who moves on at once does not wait for a film. */
@@ -422,5 +436,5 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     if (isFitted) view.fit();
   });
   $("fit").addEventListener("click", () => { view.fit(); view.draw(); });
-  return { flow, play, leave, forget, empty, readings, showValues, keepAnswer };
+  return { flow, play, leave, forget, empty, readings, showValues, showEffects, keepAnswer };
 }

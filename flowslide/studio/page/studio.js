@@ -412,7 +412,7 @@ async function start() {
   }
   for (const event of ["input", "change"]) $("make").addEventListener(event, tellFolder);
   document.addEventListener("keydown", keys);
-  questions = answers(state, say, { showValues: (...asked) => (state.body ? body : slide).showValues(...asked), keepAnswer: slide.keepAnswer, showMaps: body.showMaps, ended: body.ended });
+  questions = answers(state, say, { showValues: (...asked) => (state.body ? body : slide).showValues(...asked), showEffects: slide.showEffects, keepAnswer: slide.keepAnswer, showMaps: body.showMaps, ended: body.ended });
   const wanted = decodeURIComponent(location.hash.slice(1)) || state.workspace.first;
   const name = cases.some((one) => one.name === wanted) ? wanted : cases.find((one) => !one.shipped)?.name;
   fillCases(name);

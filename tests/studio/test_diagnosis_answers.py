@@ -1,0 +1,93 @@
+"""What the line of a diagnosis has: the ranking, misfits before and after, effects to switch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.ranking import Standing
+from flowslide.studio.diagnosis_answers import (
+    comparison,
+    effects,
+    explanation,
+    misfit,
+    verdict,
+)
+from flowslide.studio.job_process import MOST_RANKED, Told
+from pipeline.files import read_json
+from tests.diagnosis import verdict_case
+
+
+@pytest.fixture(scope="module")
+def found():
+    return verdict_case.identified()
+
+
+def test_the_ranking_is_in_the_state_of_the_job_from_the_first_on(tmp_path):
+    told = Told(tmp_path)
+    told.ranked([Standing(("drag",), "drag", promised=3.0)])
+    told.report(1, 10, "running")
+    assert read_json(tmp_path / "state.json")["ranking"] == [
+        {"words": "drag", "promised": 3.0, "refitted": None}
+    ]
+    many = [Standing((str(k),), str(k), promised=20.0 - k, refitted=1.0) for k in range(12)]
+    told.ranked(many)
+    told.end({"state": "done"})
+    state = read_json(tmp_path / "state.json")
+    assert state["looked_at"] == 12 and len(state["ranking"]) == MOST_RANKED
+    assert state["ranking"][0] == {"words": "0", "promised": 20.0, "refitted": 1.0}
+    # What was calibrated again is seen, whatever others promise.
+    calibrated = Standing(("drag",), "drag", promised=0.5, refitted=0.2)
+    told.ranked([*(replace(one, refitted=None) for one in many), calibrated])
+    told.end({"state": "done"})
+    words = [line["words"] for line in read_json(tmp_path / "state.json")["ranking"]]
+    assert words == [*map(str, range(MOST_RANKED - 1)), "drag"]
+
+
+def test_the_misfit_is_that_of_the_verdict_with_the_sign_of_the_page(found):
+    rows = {row["name"]: row for row in misfit(found.measurements)}
+    single = next(
+        m for m in found.measurements
+        if sum(n.measurement == m.measurement for n in found.measurements) == 1
+    )  # fmt: skip
+    row = rows[single.measurement]
+    assert row["before"]["at"] == -single.residual_base
+    assert row["after"]["at"] == -single.residual_final
+    assert row["after"]["high"] - row["after"]["at"] == 1.0
+    way = "small" if single.residual_base > 0 else "large"
+    assert f"{abs(single.residual_base):.1f} std too {way} before" in row["words"]
+    series = next(row for row in rows.values() if row["before"]["n"] > 1)
+    values = [-m.residual_base for m in found.measurements if m.measurement == series["name"]
+              and m.role == series["role"]]  # fmt: skip
+    ends = series["before"]["low"], series["before"]["high"]
+    assert ends == pytest.approx((min(values), max(values)))
+    assert "root mean square" in series["words"]
+    assert all(row["role"] != "constructed" for row in rows.values())
+
+
+def test_effects_have_the_amplitudes_and_the_strengths_that_belong_together(found):
+    shown = effects(found)
+    named = [one for one in shown["each"] if one["how"] == "named"]
+    assert [one["name"] for one in named] == [one.name for one in found.answer.effects]
+    assert shown["base"] == found.base.values and shown["final"] == found.final.values
+    assert shown["is_result"]
+    for one in shown["each"]:
+        if one["how"] == "named":
+            assert one["values"] == found.final.values
+        else:
+            (refit,) = [c.refit for c in found.candidates if c.name == one["name"]]
+            assert (one["amplitude"], one["values"]) == (refit.amplitude, refit.values)
+    assert verdict(found)["effects"] == shown
+
+
+def test_nothing_is_kept_of_a_verdict_that_explains_nothing():
+    assert not effects(verdict_case.unknown())["is_result"]
+
+
+def test_a_comparison_has_no_after_and_an_explanation_says_where_amplitudes_are_from():
+    compared = comparison(verdict_case.compared())
+    assert all(row["after"] is None for row in compared["misfit"])
+    assert not any("before" in row["words"] for row in compared["misfit"])
+    explained = explanation(verdict_case.explained())["effects"]["each"]
+    assert explained and {one["how"] for one in explained} == {"by its score"}
