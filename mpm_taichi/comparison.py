@@ -130,8 +130,12 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
     readings = []
     if not case.measured:
         for side in SIDES:
-            runouts = (math.nan if one is None else _runout(one, side) for one in (end, start))
-            readings.append(Reading(side, "toe_runout", *runouts))
+            try:
+                runouts = [math.nan if one is None else _runout(one, side) for one in (end, start)]
+                readings.append(Reading(side, "toe_runout", *runouts))
+            except ValueError as error:  # nothing is as thick as a survey counts
+                unread = (math.nan, math.nan)
+                readings.append(Reading(side, "toe_runout", *unread, trouble=str(error)))
     for measurement in case.measured:
         if measurement.as_one:
             if not measurement.constructed:

@@ -71,6 +71,11 @@ def run(arguments: argparse.Namespace) -> None:
             f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{_size(scene):>14}"
             f"{area:>10.1f}{filled:>9}{drawn:>7}"
         )
+        if missed < -SAME_VOLUME:
+            print(
+                f"  doubtful: {-missed * area:.4g} m2 of soil are thinner than half a spacing for "
+                "long, far from any point, and left out; a smaller spacing holds them"
+            )
         print_gaps(scene)
         print_ends(scene)
         if scene.origin is None:  # a drawn one: blocks of a template fly on purpose

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from shapely import bounds, length
+from shapely import bounds, get_parts, length
 from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
@@ -26,6 +26,8 @@ STRONGEST_KPA, SMALLEST_DEG = 1000.0, 1.5
 VERTICALS = 400
 #: A liquefied layer wants four rows of points; with fewer than this it is said.
 ROWS, FEWEST_ROWS = 4.0, 3.5
+#: The thickness of a layer is that which so many percent of it have at most: necks count.
+SHARE = 40.0
 
 
 def doubts(scene: Scene) -> list[str]:
@@ -48,7 +50,7 @@ def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
     for part in getattr(whole, "geoms", [whole] if liquefied else []):
         left, _, right, _ = part.bounds
         places = np.linspace(left, right, VERTICALS + 2)[1:-1]
-        thick = float(np.median(length(on_verticals(part, places))))
+        thick = float(np.percentile(_thickest(on_verticals(part, places)), SHARE))
         rows = thick / scene.spacing
         if rows < fewest:
             lines.append(
@@ -57,6 +59,14 @@ def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
                 f"spacing {thick / ROWS:.3g}"
             )
     return lines
+
+
+def _thickest(cuts: np.ndarray) -> np.ndarray:
+    """Length of the longest piece on each vertical, (n,) [m]; seams over each other are several."""
+    pieces, vertical = get_parts(cuts, return_index=True)
+    longest = np.zeros(len(cuts))
+    np.maximum.at(longest, vertical, length(pieces))
+    return longest
 
 
 def _size(scene: Scene) -> Iterator[str]:

@@ -6,7 +6,8 @@ the base holds exactly `points_per_cell` points.
 
 A point carries the volume of the soil that it stands for, not that of its square of the lattice:
 soil of squares whose middle lies outside its zone goes to the nearest points of the zone. So the
-surface, the base and every zone keep their volume at any spacing.
+surface, the base and every zone keep their volume at any spacing. What is thinner than half a
+spacing for long is too far from such points: it joins the soil next to it, or is left out.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ ROUNDED = 1e-9
 
 #: Distances between squares and points that are taken at once.
 PAIRS = 4_000_000
+
+#: Spacings beyond which a point does not hold the soil of a square.
+REACH = 4.0
 
 
 @dataclass(frozen=True)
@@ -62,10 +66,12 @@ def fill(scene: Scene) -> MaterialPoints:
     origin, outlines = (scene.domain.x_min, scene.lattice_y), scene.outlines()
     ground = np.asarray(scene.ground.points, dtype=float)
     position, zone = lattice_points(outlines, ground, origin, scene.spacing)
-    volume = np.empty(len(position))
+    volume, left = np.zeros(len(position)), []
     for place, outline in enumerate(outlines):
         own = zone == place
-        volume[own] = soil_held(position[own], outline, origin, scene.spacing)
+        volume[own], rest = soil_held(position[own], outline, origin, scene.spacing)
+        left.append(rest)
+    volume += _joining(position, np.concatenate(left), scene.spacing)
     if scene.jitter:
         position = _jittered(scene, position)
     number = {name: i for i, name in enumerate(scene.material_names)}
@@ -145,11 +151,12 @@ def lattice_points(
 
 def soil_held(
     points: np.ndarray, polygon: np.ndarray, origin: tuple[float, float], spacing: float
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Volume of the soil of a zone that each of its points holds, (N,) [m2 per m of width].
 
     A point holds what its own square has of the zone, and its share of the squares without a point
-    that are nearer to it than to any other; points equally near share alike.
+    that are nearer to it than to any other; points equally near share alike. The rest is farther
+    than `REACH` from all: rows of x, y [m] and volume, (R, 3).
 
     Args:
         points: (N, 2) places of the lattice that belong to the zone [m].
@@ -157,8 +164,6 @@ def soil_held(
         origin: (x, y) from which the lattice counts [m].
         spacing: distance between points [m].
     """
-    if not len(points):
-        return np.zeros(0)
     corner = np.floor((polygon.min(axis=0) - origin) / spacing).astype(int) - 1
     share = covered_squares((polygon - origin) / spacing - corner)
     own = np.floor((points - origin) / spacing).astype(int) - corner
@@ -170,12 +175,34 @@ def soil_held(
         inner &= np.roll(taken, 1, axis) & np.roll(taken, -1, axis)
     rim = np.flatnonzero(~inner[own[:, 0], own[:, 1]])  # the nearest is one of these
     lacking = np.argwhere((share > 0.0) & ~taken)
-    for some in np.array_split(lacking, 1 + len(lacking) * len(rim) // PAIRS):
-        apart = ((own[rim] - some[:, None]) ** 2).sum(axis=2)
-        nearest = apart == apart.min(axis=1, keepdims=True)
-        parts = nearest * (share[some[:, 0], some[:, 1]] / nearest.sum(axis=1))[:, None]
-        held[rim] += parts.sum(axis=0)
-    return held * spacing**2
+    amounts = share[lacking[:, 0], lacking[:, 1]]
+    given, far = _to_the_nearest(own[rim], lacking, amounts)
+    held[rim] += given
+    rest = origin + (lacking[far] + corner + 0.5) * spacing
+    return held * spacing**2, np.column_stack([rest, amounts[far] * spacing**2])
+
+
+def _joining(position: np.ndarray, rest: np.ndarray, spacing: float) -> np.ndarray:
+    """What all points (N, 2) get of soil that is far from points of its own zone, (N,) [m2]."""
+    given, _ = _to_the_nearest(position / spacing, rest[:, :2] / spacing, rest[:, 2])
+    return given
+
+
+def _to_the_nearest(
+    points: np.ndarray, places: np.ndarray, amounts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What points (N, 2) get of amounts (M,) at places (M, 2), and which are too far (M,) bool."""
+    given, far = np.zeros(len(points)), np.ones(len(places), bool)
+    if not len(points):
+        return given, far
+    for some in np.array_split(np.arange(len(places)), 1 + len(places) * len(points) // PAIRS):
+        apart = ((points - places[some, None]) ** 2).sum(axis=2)
+        least = apart.min(axis=1, keepdims=True)
+        far[some] = least[:, 0] > REACH**2
+        nearest = (apart <= least * (1.0 + ROUNDED)) & ~far[some, None]
+        parts = nearest * (amounts[some] / np.maximum(nearest.sum(axis=1), 1))[:, None]
+        given += parts.sum(axis=0)
+    return given, far
 
 
 def covered_squares(polygon: np.ndarray) -> np.ndarray:

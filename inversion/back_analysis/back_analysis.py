@@ -347,6 +347,7 @@ class BackAnalysis:
         prediction = self.found.best.prediction
         for line in (
             *result_builder.doubts(prediction, self.case.setup.settings),
+            *result_builder.few_points(self.case.setup),
             *prediction.remarks,
         ):
             self.remark(line)

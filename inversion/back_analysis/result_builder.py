@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from geometry.scenes.doubts import thin_layers
 from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
 from inversion.back_analysis.perturbed_answers import EquivalentAnswer, Problem
@@ -24,7 +25,7 @@ from inversion.back_analysis.result import (
     fitted_to,
 )
 from inversion.catalogue.correlations import RELATIONS
-from inversion.estimation.forward import Prediction, Setup
+from inversion.estimation.forward import Prediction, SectionSetup, Setup
 from inversion.estimation.misfit import (
     Objective,
     Posterior,
@@ -121,6 +122,13 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
             )
         )
     return lines
+
+
+def few_points(setup: Setup) -> list[str]:
+    """Lines on liquefied layers of few rows of points; of a section alone."""
+    if not isinstance(setup, SectionSetup):
+        return []
+    return [f"few points: {line}" for line in thin_layers(setup.scene)]
 
 
 def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 from flowslide.command_line import main
 from flowslide.commands.runs.sample import parse_indices
 from geometry import draw_scene, load_scene
+from geometry.scenes.scene import save_scene
 from pipeline.cli import InputError
 
 
@@ -153,3 +154,10 @@ def test_unknown_option_ends_with_code_2(run_module):
     done = run_module("flowslide", "scenes", "sample", "--scales", "large")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_check_says_what_is_too_thin_to_be_held(tmp_path, capsys, make_scene):
+    berm = [(-50, 0), (0, 0), (3, 2), (-4, 2), (-6, 0.2), (-50, 0.2)]
+    save_scene(make_scene([berm], spacing=0.5), tmp_path / "scene.yaml")
+    main(["check", str(tmp_path / "scene.yaml")])
+    assert "m2 of soil are thinner than half a spacing" in capsys.readouterr().out

@@ -253,3 +253,26 @@ def test_a_thin_layer_keeps_its_volume_at_any_spacing(make_scene, spacing):
     for number, polygon in enumerate((below, seam)):
         held = points.volume[points.zone == number].sum()
         assert held == pytest.approx(Polygon(polygon).area, rel=1e-9)
+
+
+def blanketed(make_scene, *, below: bool):
+    """A berm that thins to a blanket of 0.2 m over 44 m, with soil below it or none."""
+    blanket = [(-50.0, 0.0), (0.0, 0.0), (3.0, 2.0), (-4.0, 2.0), (-6.0, 0.2), (-50.0, 0.2)]
+    loose = [(-50.0, -3.0), (80.0, -3.0), (80.0, 0.0), (-50.0, 0.0)]
+    ground = [(-1000.0, -3.0 * below), (1000.0, -3.0 * below)]
+    polygons = [loose, blanket] if below else [blanket]
+    return fill(make_scene(polygons, spacing=0.5, ground=ground)), blanket
+
+
+def test_a_thin_blanket_joins_the_soil_below_it_where_it_is(make_scene):
+    points, blanket = blanketed(make_scene, below=True)
+    assert points.volume.sum() == pytest.approx(390.0 + Polygon(blanket).area, rel=1e-9)
+    assert points.volume.max() < 4.0 * 0.25
+    there = points.position[:, 0] < -20.0
+    assert points.volume[there].sum() == pytest.approx(30.0 * 3.2, rel=0.01)
+
+
+def test_a_thin_blanket_on_bare_ground_is_left_out(make_scene):
+    points, blanket = blanketed(make_scene, below=False)
+    lost = Polygon(blanket).area - points.volume.sum()
+    assert 7.0 < lost < 8.8 and points.volume.max() < 8.0 * 0.25

@@ -9,7 +9,7 @@ import pytest
 from flowslide.commands.check import print_doubts
 from geometry.scenes.doubts import thin_layers
 from geometry.scenes.drawings import read_section, section_scene
-from geometry.scenes.scene import Scene, load_scene
+from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,3 +42,45 @@ def test_where_nothing_liquefied_nothing_is_thin():
         name: soil.model_dump() | {"liquefied": False} for name, soil in scene.materials.items()
     }
     assert thin_layers(scene.changed(materials=soils)) == []
+
+
+def layered(**zones: list[tuple[float, float]]) -> Scene:
+    """Liquefied zones below a fill, with points 0.6 m apart; the ground goes on to both sides."""
+    outlines = {**zones, "fill": [(0, 2.4), (50, 2.4), (32, 10), (20, 10)]}
+    return scene_from_mapping(
+        {
+            "name": "layered",
+            "domain": {"x_min": -30, "x_max": 80, "y_max": 20, "walls": "open"},
+            "ground": {"points": [[-30, 0], [80, 0]]},
+            "zones": [
+                {"name": name, "polygon": outline, "material": name.split("_")[0]}
+                for name, outline in outlines.items()
+            ],
+            "materials": {
+                name: {"friction_deg": 0, "cohesion_kpa": 5, "liquefied": name == "seam"}
+                for name in dict.fromkeys(name.split("_")[0] for name in outlines)
+            },
+            "spacing": 0.6,
+        }
+    )
+
+
+def test_a_neck_of_a_layer_is_thin():
+    seam = [(-30, 0), (80, 0), (80, 2.4), (52, 2.4), (50, 0.6), (0, 0.6), (-2, 2.4), (-30, 2.4)]
+    crust = [(0, 0.6), (50, 0.6), (52, 2.4), (-2, 2.4)]
+    (line,) = thin_layers(layered(seam=seam, crust=crust))
+    assert "is 0.6 m thick, 1 rows of points" in line
+
+
+def test_seams_one_above_another_are_not_one_layer():
+    def level(low: float, high: float, left: float = -30.0) -> list[tuple[float, float]]:
+        return [(left, low), (80, low), (80, high), (left, high)]
+
+    scene = layered(
+        seam_low=level(0, 0.9),
+        seam_stub=[(-30, 0.9), (-28, 0.9), (-28, 1.5), (-30, 1.5)],
+        clay=level(0.9, 1.5, -28.0),
+        seam_high=level(1.5, 2.4),
+    )
+    (line,) = thin_layers(scene)
+    assert "is 0.9 m thick, 1.5 rows of points" in line

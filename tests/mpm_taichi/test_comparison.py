@@ -249,3 +249,16 @@ def test_every_type_of_measurement_is_read(folder, simulated, tmp_path):
     assert "not read" in comparison.table(case, [stake])
     with pytest.raises(InputError, match="no set of measurements 'lab'; there are all, field"):
         load_case(tmp_path / "case").with_set("lab")
+
+
+def test_a_toe_that_no_survey_counts_is_not_read(folder, simulated, tmp_path, monkeypatch):
+    shutil.copy(folder / "scene.yaml", tmp_path)
+    case = load_case(tmp_path).resolved(spacing_m=4.0)
+
+    def too_thin(*_arguments, **_options):
+        raise ValueError("the column is less than 0.5 m high")
+
+    monkeypatch.setattr(comparison, "toe_runout", too_thin)
+    readings = comparison.read_deposit(case, simulated[1])
+    assert [one.trouble for one in readings] == ["the column is less than 0.5 m high"] * 2
+    assert "not read" in comparison.table(case, readings)
