@@ -26,7 +26,7 @@ Sides = list[tuple[Sensitivity, list[Changed[Any]]]]
 
 #: Coarse runs are no guide where a liquefied layer has fewer rows of points: with two, S_r of a dam
 #: on a thin base is 2 to 2.5 times too low.
-GUIDING_ROWS = 2.5
+GUIDING_ROWS = 2.25
 
 
 class Asked(ABC):
