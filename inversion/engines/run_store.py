@@ -21,7 +21,7 @@ from geometry.survey.measured import Reading
 from inversion.engines.content_store import ContentStore
 from inversion.engines.workers import Job, Workers
 from mpm_taichi.batch import run_key
-from mpm_taichi.effects import changes_volume, has_own_code
+from mpm_taichi.effects import has_own_code
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -266,6 +266,7 @@ def _with_readings(old: KeptRun, new: KeptRun) -> KeptRun:
 def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
     """The stored part of a run, with the readings of `readers`."""
     end = float(run.time[-1]) if len(run.time) else 0.0
+    volume = run.bulk_volume
     return KeptRun(
         initial=run.positions[0].copy(),
         final=run.positions[-1].copy(),
@@ -278,7 +279,8 @@ def kept_run(run: Run, readers: Iterable[HistoryReader] = ()) -> KeptRun:
         at_rest=run.came_to_rest,
         wall_time_s=run.wall_time_s,
         readings={name: found for reader in readers for name, found in reader.read(run).items()},
-        volume=run.bulk_volume if changes_volume(run.scene) else None,
+        # Of soil that dilates, and of the middle of a body that spreads sideways.
+        volume=None if np.array_equal(volume, run.initial_volume) else volume,
     )
 
 
