@@ -147,6 +147,21 @@ def tidy(ax: Axes) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
+def over_row(ax: Axes, place: float, words: str, colour: str) -> None:
+    """Words over what is drawn in a row, at the left edge of the panel."""
+    ax.text(
+        0.01,
+        place - 0.27,
+        words,
+        fontsize=SMALL,
+        color=colour,
+        va="center",
+        transform=ax.get_yaxis_transform(),
+        path_effects=HALO,
+        zorder=4,
+    )
+
+
 def rows(ax: Axes, labels: Sequence[str], *, width: int, lines: int = 2) -> None:
     """Name the rows 0, 1, 2, ... of a chart, the first on top, each in at most `lines` lines."""
     shown = [wrapped(label, width, lines) for label in labels]

@@ -17,7 +17,6 @@ import numpy as np
 from benchmarks.back_analysis.lab import CASES, LA_MARQUESA, LSFD
 from benchmarks.dam_section import dam_section
 from geometry.random_scenes.templates import draw_scene
-from geometry.scenes.fill import fill
 from geometry.scenes.scene import Scene, load_scene, save_scene
 from geometry.sides import Side
 from geometry.survey.surface_profile import surface_profile
@@ -208,11 +207,6 @@ def _surveyed_surface(truth: Truth, noise: np.random.Generator) -> tuple[np.ndar
     )  # fmt: skip
     error = PROFILE_STD * truth.height * noise.standard_normal(len(x))
     return x, np.maximum(y + error, scene.ground.height(x) - 0.5 * truth.plan.scene.spacing)
-
-
-def points_of(scene: Scene) -> int:
-    """Number of material points."""
-    return len(fill(scene))
 
 
 def _write_yaml(path: Path, document: dict) -> None:

@@ -32,8 +32,9 @@ import numpy as np
 
 from benchmarks.back_analysis import lab
 from benchmarks.back_analysis.figures import Figure, at_least, at_most
-from benchmarks.back_analysis.twin_cases import Truth, plans, points_of, truth_of, write_case
+from benchmarks.back_analysis.twin_cases import Truth, plans, truth_of, write_case
 from geometry.case import load_case
+from geometry.scenes.fill import point_count
 from inversion import PHYSICS_VERSION as INVERSION_VERSION
 from inversion.back_analysis.back_analysis import BackAnalysis
 from inversion.back_analysis.case import inversion_case
@@ -210,6 +211,6 @@ def judged(group: str, truth: Truth, result: Result) -> Twin:
         numbers=sum(m.role == "fitted" for m in result.measurements),
         runout_m=truth.runout_m,
         height_m=truth.height,
-        points=points_of(truth.plan.scene),
+        points=point_count(truth.plan.scene),
         runs=result.runs,
     )

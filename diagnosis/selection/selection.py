@@ -170,7 +170,7 @@ class Selection:
     def _keep(self, model: FittedModel) -> FittedModel:
         """Keep a model, with whether it explains."""
         kept = self.tried.models[model.names] = replace(model, explains=self._explains(model))
-        if self.tried.way and not model.unread:  # a fall is one from the base model's misfit
+        if not model.unread:
             fall = self.base.fit.total - kept.fit.total
             self.ranking.refit(kept.names, fall)
         return kept

@@ -150,7 +150,7 @@ def print_doubts(scene: Scene) -> None:
     for line in doubts(scene):
         print(f"  doubtful: {line}")
     for line in thin_layers(scene):
-        print(f"  few points: {line}")
+        print(f"  {line}")
 
 
 def print_ends(scene: Scene) -> None:

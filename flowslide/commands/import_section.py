@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
         reading,
         section_scene,
     )
-    from geometry.scenes.fill import fill
+    from geometry.scenes.fill import point_count
     from geometry.scenes.scene import save_scene
 
     if Path(arguments.out).suffix.lower() not in (".json", ".yaml", ".yml"):
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
         ends=options.ends_of(arguments),
     )
     save_scene(scene, arguments.out)
-    print(f"wrote {arguments.out}: {len(scene.zones)} zones, {len(fill(scene))} points")
+    print(f"wrote {arguments.out}: {len(scene.zones)} zones, {point_count(scene)} points")
     print_gaps(scene)
     print_ends(scene)
     print_doubts(scene)

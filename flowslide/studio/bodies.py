@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flowslide.studio.body_maps import ground_message, measured_surface
-from flowslide.studio.workspace import NAME, Workspace
+from flowslide.studio.workspace import NAME, Workspace, listed, misnamed
 from geometry.case import SCENE_FILE as SECTION_FILE
 from geometry.scenes3d.scene3d import FILE_NAME as SCENE_FILE
 from geometry.scenes3d.scene3d import Scene3d, load_scene_3d, read_document
@@ -36,7 +36,7 @@ from mpm_taichi.readings3d import maps_of, paths_of
 from mpm_taichi.solver3d.problem import Problem3d, problem_of
 from pipeline.cli import InputError
 from pipeline.files import content_hash, make_folder, read_text, read_yaml
-from pipeline.places import CASES, names_of, shipped
+from pipeline.places import CASES, shipped
 
 #: Before the name of a body in the list of cases of the page, and in its address.
 BODY = "3d/"
@@ -80,20 +80,11 @@ class Bodies:
         """Name and origin of every one, those of the workspace first."""
         folder = self.workspace.folder
         own = sorted(path.parent.name for path in folder.glob(f"*/{SCENE_FILE}"))
-        own = [name for name in own if NAME.fullmatch(name)]
-        ready = [
-            name
-            for name in names_of(CASES, SCENE_FILE)
-            if (shipped(CASES) / name / SCENE_FILE).is_file() and name not in own
-        ]
-        return [{"name": name, "shipped": False} for name in own] + [
-            {"name": name, "shipped": True} for name in ready
-        ]
+        return listed([name for name in own if NAME.fullmatch(name)], SCENE_FILE)
 
     def left_out(self) -> list[str]:
         """Folders with a body whose names cannot be those of cases."""
-        names = (path.parent.name for path in self.workspace.folder.glob(f"*/{SCENE_FILE}"))
-        return sorted(name for name in names if not NAME.fullmatch(name))
+        return misnamed(self.workspace.folder, SCENE_FILE)
 
     def source(self, name: str) -> Path:
         """The folder that one is read from: of the workspace, else as shipped.

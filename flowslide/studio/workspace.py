@@ -16,7 +16,7 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,7 +42,7 @@ from flowslide.studio.faults import (
 )
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.scenes.doubts import doubts, thin_layers
-from geometry.scenes.fill import fill
+from geometry.scenes.fill import point_count
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES, Side
 from pipeline.cli import InputError
@@ -54,6 +54,24 @@ REMOVED = "removed.cases"
 """Folder of cases that were taken out; the dot is in no name of a case."""
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 PICTURE = re.compile(r"[a-z_]{1,32}\.(png|jpg)")
+
+
+def listed(own: Sequence[str], file: str) -> list[dict[str, Any]]:
+    """Name and origin of cases with such a document: those of a workspace, then those that ship."""
+    ready = [
+        name
+        for name in names_of(CASES, file)
+        if (shipped(CASES) / name / file).is_file() and name not in own
+    ]
+    return [{"name": name, "shipped": False} for name in own] + [
+        {"name": name, "shipped": True} for name in ready
+    ]
+
+
+def misnamed(folder: Path, file: str) -> list[str]:
+    """Folders with such a document whose names cannot be those of cases."""
+    names = (path.parent.name for path in folder.glob(f"*/{file}"))
+    return sorted(name for name in names if not NAME.fullmatch(name))
 
 
 class Workspace:
@@ -165,19 +183,11 @@ class Workspace:
                 if NAME.fullmatch(path.parent.name) and (self.folder / path.parent.name).is_dir()
             }
         )
-        ready = [
-            name
-            for name in names_of(CASES, SCENE_FILE)
-            if (shipped(CASES) / name / SCENE_FILE).is_file() and name not in own
-        ]
-        return [{"name": name, "shipped": False} for name in own] + [
-            {"name": name, "shipped": True} for name in ready
-        ]
+        return listed(own, SCENE_FILE)
 
     def left_out(self) -> list[str]:
         """Folders with a section whose names cannot be those of cases."""
-        names = (path.parent.name for path in self.folder.glob(f"*/{SCENE_FILE}"))
-        return sorted(name for name in names if not NAME.fullmatch(name))
+        return misnamed(self.folder, SCENE_FILE)
 
     # --- reading ---
 
@@ -256,13 +266,13 @@ class Workspace:
         return {
             "title": case.title,
             "spacing_m": scene.spacing,
-            "points": len(fill(scene)),
+            "points": point_count(scene),
             "duration_s": case.simulation.duration_s,
             "feet": dict(case.feet),
             "ends": {side: _end_of(scene, side) for side in SIDES},
             "doubts": [
                 *(line.replace(" (--unit)", "") for line in doubts(scene)),
-                *(f"few points: {line}" for line in thin_layers(scene)),
+                *thin_layers(scene),
             ],
             "marks": marks_of(case),
             "sets": [] if case.survey is None else list(case.survey.sets),

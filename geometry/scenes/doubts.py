@@ -54,9 +54,9 @@ def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
         rows = thick / scene.spacing
         if rows < fewest:
             lines.append(
-                f"what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m thick, "
-                f"{rows:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too low: "
-                f"spacing {thick / ROWS:.3g}"
+                f"few points: what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m "
+                f"thick, {rows:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too "
+                f"low: spacing {thick / ROWS:.3g}"
             )
     return lines
 

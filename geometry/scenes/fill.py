@@ -64,8 +64,7 @@ def fill(scene: Scene) -> MaterialPoints:
     below the ground or leave the domain stays where it was.
     """
     origin, outlines = (scene.domain.x_min, scene.lattice_y), scene.outlines()
-    ground = np.asarray(scene.ground.points, dtype=float)
-    position, zone = lattice_points(outlines, ground, origin, scene.spacing)
+    position, zone = _on_lattice(scene, outlines, origin)
     volume, left = np.zeros(len(position)), []
     for place, outline in enumerate(outlines):
         own = zone == place
@@ -86,6 +85,19 @@ def fill(scene: Scene) -> MaterialPoints:
         velocity=velocity_of_zone[zone],
         volume=volume,
     )
+
+
+def point_count(scene: Scene) -> int:
+    """Number of points of `fill`, without what each of them holds."""
+    origin = (scene.domain.x_min, scene.lattice_y)
+    return len(_on_lattice(scene, scene.outlines(), origin)[0])
+
+
+def _on_lattice(
+    scene: Scene, outlines: Sequence[np.ndarray], origin: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    ground = np.asarray(scene.ground.points, dtype=float)
+    return lattice_points(outlines, ground, origin, scene.spacing)
 
 
 def contains(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:

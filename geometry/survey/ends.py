@@ -23,11 +23,11 @@ def ends_reached(scene: Scene, before: np.ndarray, after: np.ndarray) -> tuple[s
         after: after it, (N, 2) [m].
     """
     lines = []
-    moved = np.linalg.norm(after.astype(float) - before, axis=1)
     for side in (one for one in SIDES if scene.domain.goes_on(one)):
         wall = scene.domain.wall(side)
         near = outward_of(side) * (before[:, 0] - wall) > -NEAR * scene.spacing
-        most = float(np.max(moved[near], initial=0.0))
+        moved = np.linalg.norm(after[near].astype(float) - before[near], axis=1)
+        most = float(np.max(moved, initial=0.0))
         if most > MOVED * scene.spacing:
             lines.append(
                 f"the slide reaches the {side} end of the section (x = {wall:g} m), where it is "

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.scenes.fill import fill
+from geometry.scenes.fill import MaterialPoints, fill
 from geometry.scenes.scene import MOHR_COULOMB
 from geometry.sides import SIDES
 from mpm_taichi.effects import effects_on
@@ -185,12 +185,15 @@ def head_line(face: MovingFace, positions: np.ndarray, cell: float) -> np.ndarra
     return np.stack([places, face.head(places, positions.astype(np.float64))], axis=1)
 
 
-def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np.ndarray]:
+def start_of(
+    scene: Scene, settings: SimulationSettings, points: MaterialPoints | None = None
+) -> tuple[SceneFacts, np.ndarray]:
     """Facts of a scene, and where its points are before it moves.
 
     Args:
         scene: the scene.
         settings: of its simulation: gravity, frame interval, walls, water.
+        points: that fill it; None: it is filled here.
 
     Returns:
         the facts; positions (N, 2) float64 [m].
@@ -199,7 +202,7 @@ def start_of(scene: Scene, settings: SimulationSettings) -> tuple[SceneFacts, np
         InputError: the scene holds what no learned simulator of ours has been shown.
     """
     check_base_physics(scene, "the learned simulator")
-    points = fill(scene)
+    points = fill(scene) if points is None else points
     materials = list(scene.materials.values())
     number = points.material
     soaked = points.position[:, 1] < scene.phreatic_level(points.position[:, 0])

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from geometry.scenes.polygon_checks import on_verticals
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES
 from geometry.survey.columns import column_height, kernel_length, toe
@@ -154,11 +155,11 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     check_known(scene)
     polygons = [shapely.Polygon(zone.polygon) for zone in scene.zones]
     whole = shapely.union_all([one.buffer(1e-6 * scene.spacing) for one in polygons])
-    left, _, right, top = whole.bounds
+    left, _, right, _ = whole.bounds
     middle = 0.5 * (left + right)
     fine = np.linspace(left, right, 201)
     height = float(
-        np.max(_surface(whole, fine, scene.ground.height(fine), top) - scene.ground.height(fine))
+        np.max(_surface(whole, fine, scene.ground.height(fine)) - scene.ground.height(fine))
     )
     x = middle + height * places()
     ground = scene.ground.height(x)
@@ -172,7 +173,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     for shift in offsets:
         at = x + shift
         base = scene.ground.height(at)
-        depth = _surface(whole, at, base, top) - base
+        depth = _surface(whole, at, base) - base
         thickness += depth / SAMPLES
         columns = np.flatnonzero(depth > 0.0)
         grid_x = np.repeat(at[columns], len(rows))
@@ -314,12 +315,10 @@ def toes_of(section: Section, points: np.ndarray, volume: np.ndarray, spacing: f
     return (np.array(at) - section.middle) / section.height
 
 
-def _surface(whole, x: np.ndarray, ground: np.ndarray, top: float) -> np.ndarray:
+def _surface(whole, x: np.ndarray, ground: np.ndarray) -> np.ndarray:
     """Highest elevation of the soil at `x` [m]; that of the ground where there is none."""
     found = np.array(ground, dtype=float)
-    ends = [np.stack([x, level], axis=1) for level in (ground - 1.0, np.full_like(x, top + 1.0))]
-    lines = shapely.linestrings(np.stack(ends, axis=1))
-    cut = shapely.intersection(lines, whole)
+    cut = on_verticals(whole, x)
     hit = ~shapely.is_empty(cut)
     found[hit] = np.maximum(shapely.bounds(cut[hit])[:, 3], ground[hit])
     return found

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from geometry.case import Case, load_case
-from geometry.scenes.fill import fill
+from geometry.scenes.fill import point_count
 from inversion.back_analysis.asked import Asked, fit_of
 from inversion.back_analysis.variants import apply_changes
 from inversion.engines.registry import engine_named
@@ -46,7 +46,7 @@ class InversionCase(Case, Asked):
     @property
     def point_count(self) -> int:
         """See `Asked`."""
-        return len(fill(self.scene))
+        return point_count(self.scene)
 
     @cached_property
     def waterfall(self) -> list[Reading]:

@@ -14,7 +14,7 @@ from geometry.sides import Side
 from inversion.back_analysis.result import HandCheck, ParameterAnswer
 from inversion.classical.block import block_factor
 from inversion.classical.search import critical_circle
-from inversion.classical.section import section_of
+from inversion.classical.section import Section, section_of
 from inversion.classical.slices import WaterForm
 from pipeline.cli import WorkFailed
 
@@ -40,9 +40,10 @@ def stability_check(scene: Scene, side: Side, form: WaterForm) -> HandCheck:
     Raises:
         WorkFailed: neither a circle nor a block stays within the soil.
     """
+    section = section_of(scene)
     found = {
-        "by Bishop's circles": _circle_factor(scene, side, form),
-        "of a block on what liquefied": block_factor(scene, side, form),
+        "by Bishop's circles": _circle_factor(scene, section, side, form),
+        "of a block on what liquefied": block_factor(section, side, form),
     }
     known = {how: factor for how, factor in found.items() if math.isfinite(factor)}
     if not known:
@@ -62,7 +63,7 @@ def stability_check(scene: Scene, side: Side, form: WaterForm) -> HandCheck:
     )
 
 
-def _circle_factor(scene: Scene, side: Side, form: WaterForm) -> float:
+def _circle_factor(scene: Scene, section: Section, side: Side, form: WaterForm) -> float:
     """The lowest factor of safety by Bishop's method; nan where no circle stays within the soil."""
     low, high = scene.extent
     near = 0.02 * (high - low)
@@ -76,7 +77,7 @@ def _circle_factor(scene: Scene, side: Side, form: WaterForm) -> float:
     head = sorted((foot + 0.5 * (edge - foot), foot + 0.98 * (behind - foot)))
     try:
         return critical_circle(
-            section_of(scene),
+            section,
             side,
             head=(head[0], head[1]),
             toe=(toe[0], toe[1]),

@@ -126,9 +126,7 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
 
 def few_points(setup: Setup) -> list[str]:
     """Lines on liquefied layers of few rows of points; of a section alone."""
-    if not isinstance(setup, SectionSetup):
-        return []
-    return [f"few points: {line}" for line in thin_layers(setup.scene)]
+    return thin_layers(setup.scene) if isinstance(setup, SectionSetup) else []
 
 
 def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:

@@ -15,10 +15,9 @@ from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
 from geometry.scenes.polygon_checks import on_verticals
-from geometry.scenes.scene import Scene
 from geometry.sides import Side, outward_of
 from inversion.classical.limit_equilibrium import force_balance
-from inversion.classical.section import section_of
+from inversion.classical.section import Section
 from inversion.classical.slices import WaterForm, slice_at
 
 #: Verticals at which the bottom of the liquefied soil is read, and places of either end of a block.
@@ -64,18 +63,17 @@ class Blocks:
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
 
-def block_factor(scene: Scene, side: Side, form: WaterForm) -> float:
+def block_factor(section: Section, side: Side, form: WaterForm) -> float:
     """The lowest factor of safety of a block on the liquefied soil; nan where there is no block.
 
     Args:
-        scene: the section before the slide, with its strengths.
+        section: before the slide, with its strengths.
         side: to which it slides.
         form: how water acts.
     """
-    x, bottom = _bottom(scene)
+    x, bottom = _bottom(section)
     if not len(x):
         return float("nan")
-    section = section_of(scene)
     ends = np.linspace(x[0], x[-1], ENDS)
     outward = outward_of(side)
     front, back, climb, rise = (
@@ -99,15 +97,16 @@ def block_factor(scene: Scene, side: Side, form: WaterForm) -> float:
     return float(np.nanmin(factor)) if np.isfinite(factor).any() else float("nan")
 
 
-def _bottom(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def _bottom(section: Section) -> tuple[np.ndarray, np.ndarray]:
     """The lowest liquefied soil: places x (n,) and elevations (n,) [m], a hair above its border."""
-    zones = [zone for zone in scene.zones if scene.materials[zone.material].liquefied]
-    if not zones:
+    zones = zip(section.polygons, section.soils, strict=True)
+    liquefied = [Polygon(outline) for outline, soil in zones if soil.liquefied]
+    if not liquefied:
         return np.zeros(0), np.zeros(0)
-    whole = unary_union([Polygon(zone.polygon) for zone in zones])
-    low, high = scene.extent
+    whole = unary_union(liquefied)
+    height = np.ptp(np.concatenate(list(section.polygons))[:, 1])
     left, _, right, _ = whole.bounds
     x = np.linspace(left, right, VERTICALS + 2)[1:-1]
     cut = on_verticals(whole, x)
     there = ~shapely.is_empty(cut)
-    return x[there], shapely.bounds(cut[there])[:, 1] + LIFT * (high - low)
+    return x[there], shapely.bounds(cut[there])[:, 1] + LIFT * height

@@ -196,14 +196,15 @@ class GNSEngine(Forward):
     def _slide(self, request: Request) -> Slide:
         simulator, scene = self.model.simulator, request.scene
         settings = simulator.settings(request.section.settings)
-        facts, start = start_of(scene, settings)
+        points = fill(scene)
+        facts, start = start_of(scene, settings, points)
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
         return Slide(
             setup=request.section,
             scene=scene,
             facts=facts,
             start=start,
-            volume=fill(scene).volume,
+            volume=points.volume,
             window=first_window(start, facts, simulator.config.history),
             frames=max(frames_of(settings.duration_s, facts), 2),
             scene_of=scene_function(simulator.scaled(facts), facts, _unknowns(request)),

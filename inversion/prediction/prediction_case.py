@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.case import Case
-from geometry.scenes.fill import fill
+from geometry.scenes.fill import point_count
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES
 from geometry.survey.measured import Measured, single_lengths
@@ -80,7 +80,7 @@ class PredictionCase(Case):
             store: of its runs.
             setup: with the strengths as its first guesses.
         """
-        others = other_spacings(setup, len(fill(self.scene)), 2, str(self.folder))
+        others = other_spacings(setup, point_count(self.scene), 2, str(self.folder))
         return cells_by(engine, store, setup, setup.parameters.start, others)
 
     def _targets(self) -> Targets:

@@ -59,17 +59,7 @@ def _draw(ax: Axes, panel: ImpliedStrengths) -> None:
         mark, colour = style.ROLES[one.role]
         tick.set_color(colour)
         _draw_row(ax, place + 0.12, one, mark, colour)
-        ax.text(
-            0.01,
-            place - 0.27,
-            asked_words(one),
-            fontsize=style.SMALL,
-            color=colour,
-            va="center",
-            transform=ax.get_yaxis_transform(),
-            path_effects=style.HALO,
-            zorder=4,
-        )
+        style.over_row(ax, place, asked_words(one), colour)
     style.labels(ax, f"strength that it asks for ({p.unit}); band: the answer, 95 %")
     style.title(ax, style.wrapped(p.label, 48, 1))
 

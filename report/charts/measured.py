@@ -43,17 +43,7 @@ def draw_measured(data: BackAnalysisData, path: Path) -> Path | None:
             )
         colour = style.ROLES[one.role][1] if one.role != "constructed" else style.NOTE
         tick.set_color(colour)
-        ax.text(
-            0.01,
-            number - 0.27,
-            style.words(_summary(one)),
-            fontsize=style.SMALL,
-            color=colour,
-            va="center",
-            transform=ax.get_yaxis_transform(),
-            path_effects=style.HALO,
-            zorder=4,
-        )
+        style.over_row(ax, number, style.words(_summary(one)), colour)
     style.labels(ax, "predicted minus measured, in std (shaded: within 2)")
     return style.save_figure(figure, path)
 

@@ -21,7 +21,7 @@ from shapely.geometry import LineString
 from shapely.geometry import Polygon as Shape
 
 from geometry.random_scenes.sketch import signed_area
-from geometry.scenes.fill import fill
+from geometry.scenes.fill import fill, point_count
 from geometry.scenes.scene import Material, Scene
 from geometry.sides import SIDES
 from pipeline.cli import InputError
@@ -268,7 +268,7 @@ def _subtitle(scene: Scene) -> str:
     area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
     water = f"water at {scene.water_level:g} m" if scene.has_water else "no water"
     return (
-        f"{len(fill(scene)):,} material points at {scene.spacing:g} m, {area:,.0f} m², {water}, "
+        f"{point_count(scene):,} material points at {scene.spacing:g} m, {area:,.0f} m², {water}, "
         f"base {scene.ground.contact.replace('_', ' ')}, walls {scene.domain.walls}"
     )
 

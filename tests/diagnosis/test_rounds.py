@@ -15,6 +15,7 @@ from diagnosis.adequacy import adequacy
 from diagnosis.adequacy.adequacy import Adequacy, HeldOutMisfit
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
+from diagnosis.ranking import Ranking
 from diagnosis.selection import forward_selection, selection
 from diagnosis.selection.decide import explanations, family_of, not_enough
 from diagnosis.selection.forward_selection import representatives, untried_doubles, wanted_models
@@ -323,7 +324,9 @@ def test_a_further_effect_must_be_worth_having_without_the_error_of_the_first():
 def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains(monkeypatch):
     now = refitted(0.0, 60.0, 5.0)
     near = [refitted(5.0 - 1.4 * k, 30.0, 4.0, name) for k, name in enumerate(("a", "b", "c", "d"))]
-    tried_models = TriedModels({model.names: model for model in (now, *near)})
+    tried_models = TriedModels(
+        {model.names: model for model in (now, *near)}, way=[SimpleNamespace(model=now)]
+    )
     monkeypatch.setattr(
         selection, "with_own_derivative",
         lambda context, model: replace(model, ln_evidence=model.ln_evidence + 2.5, sloped=True),
@@ -331,7 +334,7 @@ def test_all_that_are_near_get_a_derivative_of_their_own_whatever_the_best_gains
     monkeypatch.setattr(Selection, "_explains", lambda self, model: False)
     search = object.__new__(Selection)
     search.options, search.tried = Options(), tried_models
-    search.explanation = SimpleNamespace(context=None)
+    search.explanation, search.ranking = SimpleNamespace(context=None), Ranking()
     found = search.on_equal_terms(now, near)
     assert [model.sloped for model in found] == [True, True, True, False]  # d is 4.2 behind
     assert tried_models.models[("a",)].ln_evidence == 7.5

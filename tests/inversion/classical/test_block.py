@@ -8,6 +8,7 @@ import pytest
 
 from geometry.scenes.scene import Scene, scene_from_mapping
 from inversion.classical.block import BEHIND, ENDS, VERTICALS, block_factor
+from inversion.classical.section import section_of
 
 GAMMA, HEIGHT, LENGTH = 18.0, 10.0, 60.0
 
@@ -47,13 +48,13 @@ def test_a_wedge_of_soil_without_friction(side):
     length = LENGTH * (VERTICALS - 1) / (VERTICALS + 1) / (ENDS - 1)
     ramp = min(HEIGHT * (1.0 + m * m) / m for m in BEHIND)
     expected = strength * (length + ramp) / (0.5 * GAMMA * HEIGHT**2)
-    found = block_factor(cliff(strength, strength, side=side), side, "buoyant")
+    found = block_factor(section_of(cliff(strength, strength, side=side)), side, "buoyant")
     assert found == pytest.approx(expected, rel=0.05)
 
 
 def test_a_weak_layer_counts_where_a_circle_does_not_go():
     strong, weak = (
-        block_factor(cliff(strength, 5.0, friction=35.0), "left", "buoyant")
+        block_factor(section_of(cliff(strength, 5.0, friction=35.0)), "left", "buoyant")
         for strength in (40.0, 4.0)
     )
     assert weak < 0.7 * strong
@@ -63,4 +64,4 @@ def test_without_liquefied_soil_there_is_no_block():
     scene = cliff(10.0, 10.0)
     document = scene.model_dump()
     document["materials"]["layer"]["liquefied"] = False
-    assert math.isnan(block_factor(scene_from_mapping(document), "left", "buoyant"))
+    assert math.isnan(block_factor(section_of(scene_from_mapping(document)), "left", "buoyant"))
