@@ -13,6 +13,8 @@ LARGE = os.environ.get("HYPOTHESIS_PROFILE") == "large"
 
 CPU_S = float(os.environ.get("CPU_BUDGET_S", "inf"))
 """CPU seconds of a fast test with its child processes; `make test` sets it."""
+FAILS = 3.0
+"""A test that takes so many times its budget fails the run; below, a loaded machine may be why."""
 UNIT_S = 0.0205
 """What `_unit` takes on the processor that the budget is meant for, a Xeon with AVX-512 [CPU s]."""
 

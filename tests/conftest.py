@@ -95,12 +95,14 @@ def pytest_testnodedown(node) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """A test over its budget fails the run, where there is one."""
+    """A test far over its budget fails the run, where there is one."""
     if math.isinf(budget.CPU_S):
         return
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput.update(spent=SPENT, factor=budget.slowness())
-    elif budget.over(SPENT, budget.CPU_S, LIMIT["factor"]) and not session.exitstatus:
+    elif (
+        budget.over(SPENT, budget.FAILS * budget.CPU_S, LIMIT["factor"]) and not session.exitstatus
+    ):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 

@@ -22,6 +22,8 @@ def test_cheap():
     pass
 def test_dear():
     spin(0.6)
+def test_somewhat_dear():
+    spin(0.22)
 def test_that_prepares_for_others():
     if not once:
         spin(0.6)
@@ -46,18 +48,22 @@ def test_a_slow_processor_has_more():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [[], ["-n", "1"]])
-def test_a_dear_test_fails_the_run_and_one_that_only_prepares_does_not(tmp_path, root, workers):
+@pytest.mark.parametrize(
+    "workers, chosen, rc", [([], "test", 1), (["-n", "1"], "test", 1), ([], "not test_dear", 0)]
+)
+def test_what_is_far_over_its_budget_fails_the_run(tmp_path, root, workers, chosen, rc):
     (tmp_path / "conftest.py").write_text((root / "tests" / "conftest.py").read_text())
     (tmp_path / "test_spins.py").write_text(SPINS)
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-c", "/dev/null", "-p", "no:cacheprovider", *workers,
-         "--rootdir", ".", "-q", "test_spins.py"],
+         "--rootdir", ".", "-q", "-k", chosen, "test_spins.py"],
         cwd=tmp_path,
         env={"PATH": "", "PYTHONPATH": str(Path(root)), "CPU_BUDGET_S": "0.15"},
         capture_output=True,
         text=True,
     )  # fmt: skip
     over = [line for line in done.stdout.splitlines() if line.startswith("over the budget")]
-    assert done.returncode == 1 and len(over) == 1, done.stdout + done.stderr
-    assert "test_dear" in over[0] and "4 passed" in done.stdout
+    assert done.returncode == rc, done.stdout + done.stderr
+    names = ["test_dear", "test_somewhat_dear"] if rc else ["test_somewhat_dear"]
+    assert [line.split("::")[1].split(":")[0] for line in over] == names
+    assert f"{3 + len(names)} passed" in done.stdout
