@@ -47,21 +47,25 @@ def main() -> int:
     command = [sys.executable, "-m", "pytest", "-p", "randomly", "-rfE", *TESTS]
     if each > 1:
         command += ["-n", str(each), "--dist", "loadfile"]
-    running = {}
-    for number, kernel in enumerate(kernels):
-        own = {
-            **os.environ,
-            "OPENBLAS_CORETYPE": kernel,
-            "CORES_SHARE": f"{number}/{len(kernels)}",
-            **PROCESSORS[kernel],
-        }
-        said = tempfile.TemporaryFile("w+")
-        running[kernel] = subprocess.Popen(command, env=own, stdout=said, stderr=said), said
-    codes = []
-    for kernel, (process, said) in running.items():
-        codes.append(process.wait())
-        said.seek(0)
-        print(f"as a {kernel} computes: {PROCESSORS[kernel]}", said.read(), sep="\n", flush=True)
+    running, codes = {}, []
+    # A folder to each: one that clears old ones away would meet the other's.
+    with tempfile.TemporaryDirectory() as scratch:
+        for number, kernel in enumerate(kernels):
+            own = {
+                **os.environ,
+                "OPENBLAS_CORETYPE": kernel,
+                "CORES_SHARE": f"{number}/{len(kernels)}",
+                **PROCESSORS[kernel],
+            }
+            mine = [*command, "--basetemp", str(Path(scratch) / kernel)]
+            said = tempfile.TemporaryFile("w+")
+            running[kernel] = subprocess.Popen(mine, env=own, stdout=said, stderr=said), said
+        for kernel, (process, said) in running.items():
+            codes.append(process.wait())
+            said.seek(0)
+            print(
+                f"as a {kernel} computes: {PROCESSORS[kernel]}", said.read(), sep="\n", flush=True
+            )
     return next((code for code in codes if code), 0)
 
 
