@@ -270,7 +270,10 @@ class InversionSettings(Settings):
         "the spacing of the answer; 0: none",
     )
     tolerance_m2: float = Field(
-        0.1, gt=0, description="loss `runout`: squared runout error that is good enough, m2"
+        0.1,
+        gt=0,
+        description="loss `runout`: squared runout error that is good enough, m2; at most the "
+        "variance of the survey's errors",
     )
     tolerance_misfit: float = Field(
         0.01,

@@ -42,23 +42,30 @@ def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
         scene: the section.
         fewest: rows with which nothing is said.
     """
+    return [
+        f"few points: what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m thick, "
+        f"{thick / scene.spacing:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too "
+        f"low: spacing {thick / ROWS:.3g}"
+        for left, right, thick in _liquefied_layers(scene)
+        if thick / scene.spacing < fewest
+    ]
+
+
+def fewest_rows(scene: Scene) -> float:
+    """Rows of points in the thinnest liquefied layer; infinite: nothing liquefied."""
+    return min((thick / scene.spacing for *_, thick in _liquefied_layers(scene)), default=np.inf)
+
+
+def _liquefied_layers(scene: Scene) -> Iterator[tuple[float, float, float]]:
+    """Left and right end and thickness [m] of each body of what liquefied."""
     liquefied = [zone for zone in scene.zones if scene.materials[zone.material].liquefied]
     whole = unary_union([Polygon(zone.polygon) for zone in liquefied])
     if is_crowded(whole, scene.spacing):
-        return []
-    lines = []
+        return
     for part in getattr(whole, "geoms", [whole] if liquefied else []):
         left, _, right, _ = part.bounds
         places = np.linspace(left, right, VERTICALS + 2)[1:-1]
-        thick = float(np.percentile(_thickest(on_verticals(part, places)), SHARE))
-        rows = thick / scene.spacing
-        if rows < fewest:
-            lines.append(
-                f"few points: what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m "
-                f"thick, {rows:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too "
-                f"low: spacing {thick / ROWS:.3g}"
-            )
-    return lines
+        yield left, right, float(np.percentile(_thickest(on_verticals(part, places)), SHARE))
 
 
 def _thickest(cuts: np.ndarray) -> np.ndarray:

@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
+
 from geometry.scenes.doubts import thin_layers
 from geometry.survey.sets import Sets
 from inversion.back_analysis.variants import Changed, sides, vary
@@ -95,7 +97,10 @@ class Asked(ABC):
         targets = chosen.targets
         if limit := targets.limits_alone:
             loss = "runout"  # the limit is to be met, however well the movement is known
-        tolerance = settings.tolerance_misfit if loss == "misfit" else settings.tolerance_m2
+        tolerance = settings.tolerance_misfit
+        if loss == "runout":  # in a flume a runout is decimetres, and a survey's error less
+            variances = np.diag(targets.covariance)[targets.fitted]
+            tolerance = min(settings.tolerance_m2, float(variances.sum()))
         return Objective(chosen.parameters, targets, loss, tolerance, limit=limit)
 
     def jittered(self, setup: AnySetup, seed: int) -> AnySetup:

@@ -7,8 +7,9 @@ h apart leave, and
 
     ln(S / S_h) = -ln q / (k^1.45 - 1),
 
-S in small cells, S_h by runs. Where no second spacing can be had, or the two lie so far apart that
-the law does not hold between them, nothing is taken off and the strength is less certain.
+S in small cells, S_h by runs. Where no second spacing can be had, or the law does not hold between
+the two (they lie far apart, larger cells ask for more strength, or the runs scatter by more than
+cells cost), nothing is taken off and the strength is less certain.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TypeVar
 import numpy as np
 from pydantic import Field
 
+from geometry.scenes.doubts import ROWS, fewest_rows
 from geometry.scenes.scene import Scene
 from geometry.scenes3d.scene3d import Scene3d
 from inversion.engines.registry import Engine
@@ -47,8 +49,12 @@ ORDER = 1.45
 #: Standard deviation of ln(S / S_h): a share of it, and the least that the noise of runs leaves.
 SHARE_STD, NOISE_STD = 0.5, 0.01
 #: The same where it is not known: the dams' own spread about no correction, with so many spacings
-#: in their height; with fewer it grows as what the cells cost.
-UNKNOWN_STD, USUAL_SPACINGS = 0.06, 20.0
+#: in their height; with fewer it grows as what the cells cost. At most so much.
+UNKNOWN_STD, USUAL_SPACINGS, MOST_DOUBT = 0.06, 20.0, 1.0
+#: What `ROWS` of points in a liquefied layer cost where it is not known, and the power of the cell
+#: with which it grows: 0.09 to 0.4 of four layers of the gallery with four rows, 0.74 to more than
+#: 1.1 with two, and no smooth law between them.
+ROWS_STD, ROWS_ORDER = 0.2, 2.7
 #: Beyond this ln(S / S_h) the cells are too large for the law.
 FARTHEST = 0.25
 #: Other spacings over that of the runs, in the order in which they are tried: coarse runs are
@@ -92,11 +98,9 @@ class SmallCells(StrictDocument):
             seen: ln of the strength by which two spacings differ all the same.
             runs: that this took.
         """
-        spacings = max(scene.sliding_height / scene.spacing, 1.0)
-        coarse = max(USUAL_SPACINGS / spacings, 1.0)
-        doubt = max(UNKNOWN_STD * coarse**ORDER, seen)
+        doubt = max(usual_doubt(scene), seen)
         words = f"{NAME}: not known: {why}"
-        return cls(log_std=min(doubt, MOST_LOG), spacing_m=scene.spacing, words=words, runs=runs)
+        return cls(log_std=min(doubt, MOST_DOUBT), spacing_m=scene.spacing, words=words, runs=runs)
 
     @property
     def known(self) -> bool:
@@ -114,10 +118,21 @@ class SmallCells(StrictDocument):
         return np.where(parameters.strengths, self.factor**shares, 1.0)
 
 
+def usual_doubt(scene: Scene | Scene3d) -> float:
+    """Standard deviation of ln(S / S_h) of a section whose cells nobody has asked about."""
+    spacings = max(scene.sliding_height / scene.spacing, 1.0)
+    doubt = UNKNOWN_STD * max(USUAL_SPACINGS / spacings, 1.0) ** ORDER
+    if isinstance(scene, Scene):
+        doubt = max(doubt, ROWS_STD * (ROWS / fewest_rows(scene)) ** ROWS_ORDER)
+    return doubt
+
+
 def other_spacings(
     setup: AnySetup, points: int, dimensions: int, source: str, asked: Sequence[float] = ()
 ) -> Iterator[AnySetup]:
     """A setup at other spacings, in the order in which they are tried.
+
+    None of them has fewer than `ROWS` of points in a liquefied layer: below, the law does not hold.
 
     Args:
         setup: with the spacing that is asked about.
@@ -131,9 +146,11 @@ def other_spacings(
         if points / factor**dimensions < LEAST_POINTS and factor not in asked:
             continue
         try:
-            yield setup.at_spacing(factor * setup.scene.spacing, source)
+            other = setup.at_spacing(factor * setup.scene.spacing, source)
         except InputError:  # a zone would be too thin
             continue
+        if not (isinstance(other, SectionSetup) and fewest_rows(other.scene) < ROWS):
+            yield other
 
 
 def cells_by(
@@ -181,7 +198,10 @@ def small_cells(
             continue
         reach = (there / spacing) ** ORDER - 1.0
         distance, noise = -found.log / reach, found.noise / abs(reach)
-        if abs(distance) <= FARTHEST:
+        if noise > usual_doubt(setup.scene):
+            why = f"runs {spacing:g} and {there:g} m apart scatter by more than cells usually cost"
+            continue
+        if -noise <= distance <= FARTHEST:
             return SmallCells(
                 factor=float(np.exp(distance)),
                 log_std=float(np.hypot(SHARE_STD * distance, max(noise, NOISE_STD))),
@@ -190,7 +210,16 @@ def small_cells(
                 words=f"{NAME}: from runs {spacing:g} and {there:g} m apart",
                 runs=engine.runs - before,
             )
-        far, apart = max(far, abs(distance)), 100.0 * abs(np.expm1(found.log))
+        apart = 100.0 * abs(np.expm1(found.log))
+        if distance < 0.0:
+            far = max(far, abs(found.log))
+            why = (
+                f"runs {there:g} m apart ask for {apart:.0f} % {'more' if reach > 0 else 'less'} "
+                f"strength than those {spacing:g} m apart, against the law: a smaller spacing "
+                "would tell"
+            )
+            continue
+        far = max(far, distance)
         why = (
             f"runs {spacing:g} and {there:g} m apart differ by {apart:.0f} % in strength, too much "
             "to go on from: a smaller spacing would tell"

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from copy import copy
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from flowslide import back_analyse
+from geometry.scenes.drawings import read_section, section_scene
+from geometry.scenes.fill import point_count
 from inversion.engines.small_cells import (
     FARTHEST,
-    MOST_LOG,
+    MOST_DOUBT,
     NOISE_STD,
     ORDER,
     SHARE_STD,
     UNKNOWN_STD,
     InSmallCells,
     SmallCells,
+    other_spacings,
     same_slide,
     small_cells,
 )
+from inversion.estimation.forward import SectionSetup
 from inversion.estimation.unknowns import Parameters
+from inversion.new_case.make_case import Given, make_case
+from pipeline.config import SimulationSettings
 from tests.inversion.analytic import Formula, angle, strength, targets
 
+DRAWINGS = Path(__file__).parents[2] / "docs/examples/gallery"
 PARAMETERS = Parameters([strength("a"), angle("b")])
 VALUES = np.array([20.0, 31.0])
 
@@ -101,6 +110,34 @@ def test_where_all_lie_too_far_nothing_is_taken_off_and_the_strength_is_less_cer
     assert "a smaller spacing would tell" in found.words
 
 
+def test_larger_cells_that_ask_for_more_strength_tell_nothing():
+    here = cells_of(1.0, cost=-0.05)
+    found = small_cells(here, here, VALUES, [cells_of(2.0, cost=-0.05)])
+    assert not found.known and found.factor == 1.0 and "more strength" in found.words
+    assert found.log_std == pytest.approx(0.05 * (2.0**ORDER - 1.0), rel=0.05)
+    found = small_cells(here, here, VALUES, [cells_of(0.6, cost=-0.05)])
+    assert not found.known and "less strength" in found.words
+
+
+def test_runs_that_scatter_more_than_cells_cost_tell_nothing():
+    here, other = cells_of(1.0), cells_of(1.5, noise=6.0)
+    found = small_cells(here, here, VALUES, [other])
+    assert not found.known and "scatter" in found.words and found.log_std == UNKNOWN_STD
+    found = small_cells(here, here, VALUES, [other, cells_of(0.6)])
+    assert found.other_spacing_m == 0.6
+
+
+def test_another_spacing_has_four_rows_of_points_in_what_liquefied():
+    drawing = read_section(DRAWINGS / "quay.csv")  # 5 m of liquefied sand
+    asked, told = {1.0: [0.6], 0.8: [1.2, 0.48], 0.6: [1.2, 0.9, 0.36]}, {}
+    for spacing in asked:
+        scene = section_scene(drawing, source="a.csv", name="a", unit=None, spacing=spacing)
+        there = SectionSetup(scene, SimulationSettings(), PARAMETERS, targets(50.0), None)
+        others = other_spacings(there, point_count(scene), 2, "a.csv")
+        told[spacing] = [round(one.scene.spacing, 3) for one in others]
+    assert told == asked
+
+
 def test_without_another_spacing_the_cells_are_not_known():
     here = cells_of(1.0)
     found = small_cells(here, here, VALUES, [])
@@ -109,7 +146,7 @@ def test_without_another_spacing_the_cells_are_not_known():
 
 
 @pytest.mark.parametrize(
-    ("spacing", "doubt"), [(0.5, UNKNOWN_STD), (2.0, UNKNOWN_STD * 2.0**ORDER), (8.0, MOST_LOG)]
+    ("spacing", "doubt"), [(0.5, UNKNOWN_STD), (2.0, UNKNOWN_STD * 2.0**ORDER), (8.0, MOST_DOUBT)]
 )
 def test_of_few_spacings_in_the_height_less_is_known(spacing, doubt):
     found = SmallCells.unknown(cells_of(spacing).scene, "nobody looked")
@@ -153,3 +190,34 @@ def test_a_prior_is_of_the_soil_and_not_of_the_runs():
     half = cells.factors(PARAMETERS, np.array([0.5, 0.5]))
     assert half.tolist() == [pytest.approx(1.1), 1.0]
     assert cells.factors(PARAMETERS, np.array([0.0, 1.0])).tolist() == [1.0, 1.0]
+
+
+QUAY = """zone,x,y,material,friction_deg,cohesion_kpa,density,liquefied
+sand,-60,-4.3,sand,0,20,1950,true
+sand,50,-4.3
+sand,50,0.2
+sand,-60,0.2
+caisson,0,0.2,caisson,0,300,2100
+caisson,7,0.2
+caisson,7,9.3
+caisson,0,9.3
+fill,7,0.2,fill,33,0,1950
+fill,50,0.2
+fill,50,9.3
+fill,7,9.3
+water,-60,7.5
+water,50,7.5
+"""
+"""Its toe runs 9.6 m with 9 kPa in small cells."""
+
+
+@pytest.mark.slow
+def test_a_quay_whose_sand_has_four_and_a_half_rows_of_points(tmp_path):
+    # With a second spacing of three rows it was 7.8 +- 0.3 kPa: the errors of both cancelled.
+    (tmp_path / "quay.csv").write_text(QUAY)
+    drawn = Given(section=str(tmp_path / "quay.csv"), spacing_m=1.0, runouts=["left=9.6+-0.48"])
+    make_case(str(tmp_path / "quay"), drawn)
+    result = back_analyse(tmp_path / "quay", quick=True, out=tmp_path / "out", threads=1)
+    (found,) = result.answer.parameters
+    assert result.answer.small_cells.other_spacing_m == 0.6
+    assert abs(np.log(found.value / 9.0)) < 2.0 * found.std_total / found.value < 0.3
