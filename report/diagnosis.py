@@ -359,7 +359,8 @@ def _next(data: DiagnosisData) -> Section:
         return Section(title, said([error]))
     see = (
         "Measurements that would best distinguish the remaining explanations, the best first. "
-        "Gain: expected squared separation, in variances of the new measurement and of the models."
+        "Gain: expected squared separation by it and all above it, in variances of the new "
+        "measurements and of the models."
     )
     return Section(title, [*said([see]), *tabulated(tables.next_table(found)), *said([error])])
 

@@ -288,7 +288,9 @@ class NextMeasurement(StrictDocument):
 
     name: str = Field(description="name of the number")
     words: str = Field(description="what, where or when, how well")
-    gain: float = Field(description="expected separation, in squared standard deviations")
+    gain: float = Field(
+        description="expected separation by it and those before it, in squared standard deviations"
+    )
 
 
 class ValidationCase(StrictDocument):

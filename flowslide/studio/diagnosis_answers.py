@@ -76,9 +76,12 @@ def verdict(document: Verdict) -> Found:
         if p.strength:
             method = f"diagnosis, {'only a range' if only else 'all explanations'}"
             strengths.append(strength_found(method, p.words, used.value, (low, high), "95 %"))
-    best = [f"{one.words} (gain {number(one.gain, 2)})" for one in document.next_measurement]
+    best = [
+        f"{one.words} (gain {number(one.gain, 2)}{' with that before' if place else ''})"
+        for place, one in enumerate(document.next_measurement[:MOST_NEXT])
+    ]
     if best:
-        lines.append(f"Measure next: {'; '.join(best[:MOST_NEXT])}")
+        lines.append(f"Measure next: {'; '.join(best)}")
     return as_found(
         lines, strengths, misfit=misfit(document.measurements), effects=effects(document)
     )

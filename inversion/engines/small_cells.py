@@ -188,7 +188,7 @@ def small_cells(
         values: of its parameters, (p,).
         others: the same at other spacings, in the order in which they are tried.
     """
-    spacing, far, before = setup.scene.spacing, 0.0, engine.runs
+    spacing, seen, before = setup.scene.spacing, 0.0, engine.runs
     why = "no other spacing can be run"
     for other in others:
         there = other.scene.spacing
@@ -210,21 +210,19 @@ def small_cells(
                 words=f"{NAME}: from runs {spacing:g} and {there:g} m apart",
                 runs=engine.runs - before,
             )
-        apart = 100.0 * abs(np.expm1(found.log))
+        seen, apart = abs(distance), 100.0 * abs(np.expm1(found.log))
         if distance < 0.0:
-            far = max(far, abs(found.log))
             why = (
                 f"runs {there:g} m apart ask for {apart:.0f} % {'more' if reach > 0 else 'less'} "
                 f"strength than those {spacing:g} m apart, against the law: a smaller spacing "
                 "would tell"
             )
-            continue
-        far = max(far, distance)
+            break  # another that obeys it would be chosen for that
         why = (
             f"runs {spacing:g} and {there:g} m apart differ by {apart:.0f} % in strength, too much "
             "to go on from: a smaller spacing would tell"
         )
-    return SmallCells.unknown(setup.scene, why, seen=far, runs=engine.runs - before)
+    return SmallCells.unknown(setup.scene, why, seen=seen, runs=engine.runs - before)
 
 
 @dataclass(frozen=True)

@@ -380,7 +380,7 @@ def next_table(entries: Sequence[NextMeasurement]) -> Table:
     rows = [
         [n.words or n.name, number(n.gain), f"{math.sqrt(max(n.gain, 0.0)):.1f}"] for n in entries
     ]
-    return Table(["measure next", "gain", "expected separation (std)"], rows)
+    return Table(["measure next", "gain, with those above", "expected separation (std)"], rows)
 
 
 def provenance_table(data: DiagnosisData) -> Table:

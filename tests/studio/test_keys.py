@@ -133,6 +133,17 @@ def test_the_sheet_stays_where_it_is_looked_at(page):
     assert after[0] == pytest.approx(before[0], abs=1.0)
 
 
+def test_a_section_that_nobody_moved_stays_in_sight(page, workspace):
+    x = [x for zone in workspace.read("small")["scene"]["zones"] for x, _ in zone["polygon"]]
+    section(page)
+    page.set_viewport_size({"width": 1000, "height": 800})
+    page.wait_for_timeout(200)
+    left, right = (pixel_of(page, end, 0.0)[0] for end in (min(x), max(x)))
+    canvas = page.locator("#canvas").bounding_box()
+    assert canvas["x"] < left < right < canvas["x"] + canvas["width"]
+    assert right - left > 0.4 * canvas["width"]
+
+
 def test_play_and_away_at_once_leaves_nothing_behind(page):
     for mode in ("section", "survey"):
         page.locator('[data-mode="slide"]').first.click()

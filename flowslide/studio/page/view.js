@@ -35,7 +35,7 @@ export class View {
     this.before = true;
     this.box = null; // [x at the left edge, y at the bottom edge, metres a pixel across]
     this.rise = 1; // pixels a metre upwards, as multiples of those across
-    this.tall = 0; // pixels, when the box was last right
+    this.wide = this.tall = 0; // pixels, when the box was last right
     this.isFitted = false; // nobody has moved the view since it was fitted
     this.tool = null; // has down(event) and key(event): true where they were for it
     this.under = null; // paints below the section, in pixels
@@ -83,7 +83,7 @@ export class View {
     const scale = Math.max((right - left) / (width - 90), (this.rise * (high - low)) / (height - 70));
     const x = 0.5 * (left + right) - 0.5 * scale * width - 5 * scale;
     this.box = [x, 0.5 * (low + high) - (0.5 * height + 8) * (scale / this.rise), scale];
-    this.tall = height;
+    [this.wide, this.tall] = [width, height];
     this.isFitted = true;
   }
 
@@ -127,10 +127,11 @@ export class View {
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
     this.canvas.height = Math.round(this.canvas.clientHeight * ratio);
-    const { clientHeight: tall } = this.canvas;
-    if (!this.box) this.fit();
-    else this.box[1] -= (tall - this.tall) * this.up; // what somebody looks at stays where it is, from the top
-    this.tall = tall;
+    const { clientWidth: wide, clientHeight: tall } = this.canvas;
+    // A note that comes or goes changes the height alone: what somebody looks at stays where it is, from the top.
+    if (!this.box || (this.isFitted && wide !== this.wide)) this.fit();
+    else this.box[1] -= (tall - this.tall) * this.up;
+    [this.wide, this.tall] = [wide, tall];
     this.draw();
   }
 
