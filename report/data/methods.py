@@ -171,5 +171,7 @@ def reference(key: str) -> str:
 def _title(data: BackAnalysisData, side: str) -> str:
     if data.case is None:
         return "S_r by every method"
+    if data.case.scene.water_level is None:  # of a pile or a slope no side is upstream
+        return f"S_r of the slide to the {side}"
     upstream = data.case.measurements.upstream == side
     return f"S_r of the {'upstream' if upstream else 'downstream'} slide"
