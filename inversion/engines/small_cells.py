@@ -212,6 +212,7 @@ def small_cells(
             )
         seen, apart = abs(distance), 100.0 * abs(np.expm1(found.log))
         if distance < 0.0:
+            seen *= SHARE_STD  # of far flows a half or less was true
             why = (
                 f"runs {there:g} m apart ask for {apart:.0f} % {'more' if reach > 0 else 'less'} "
                 f"strength than those {spacing:g} m apart, against the law: a smaller spacing "

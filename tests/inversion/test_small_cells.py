@@ -111,12 +111,12 @@ def test_where_all_lie_too_far_nothing_is_taken_off_and_the_strength_is_less_cer
 
 
 def test_larger_cells_that_ask_for_more_strength_tell_nothing():
-    here = cells_of(1.0, cost=-0.08)
+    here = cells_of(1.0, cost=-0.16)
     # Another that obeys the law is not asked: it would be chosen for that.
-    found = small_cells(here, here, VALUES, [cells_of(2.0, cost=-0.08), cells_of(0.6)])
+    found = small_cells(here, here, VALUES, [cells_of(2.0, cost=-0.16), cells_of(0.6)])
     assert not found.known and found.factor == 1.0 and "more strength" in found.words
-    assert found.log_std == pytest.approx(0.08, rel=0.05)
-    found = small_cells(here, here, VALUES, [cells_of(0.6, cost=-0.08)])
+    assert found.log_std == pytest.approx(SHARE_STD * 0.16, rel=0.05)
+    found = small_cells(here, here, VALUES, [cells_of(0.6, cost=-0.16)])
     assert not found.known and "less strength" in found.words
 
 
