@@ -24,8 +24,8 @@ SLENDER = 1.5
 STRONGEST_KPA, SMALLEST_DEG = 1000.0, 1.5
 #: Verticals on which soil is looked for.
 VERTICALS = 400
-#: A liquefied layer wants four rows of points; with fewer than this it is said.
-ROWS, FEWEST_ROWS = 4.0, 3.5
+#: A liquefied layer has four rows of points or more; with fewer than this it is said. Six are well.
+ROWS, FEWEST_ROWS, GOOD_ROWS = 4.0, 3.5, 6.0
 #: The thickness of a layer is that which so many percent of it have at most: necks count.
 SHARE = 40.0
 
@@ -45,7 +45,7 @@ def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
     return [
         f"few points: what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m thick, "
         f"{thick / scene.spacing:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too "
-        f"low: spacing {thick / ROWS:.3g}"
+        f"low; {GOOD_ROWS:g} rows: spacing {thick / GOOD_ROWS:.3g}"
         for left, right, thick in _liquefied_layers(scene)
         if thick / scene.spacing < fewest
     ]

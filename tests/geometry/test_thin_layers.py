@@ -25,7 +25,7 @@ THIN = [("sheffield", 1.2), ("gallery/stockpile", 1.5), ("gallery/tailings_downs
 @pytest.mark.parametrize("name, thick", THIN)
 def test_a_thin_layer_is_said_until_it_has_four_rows(name, thick, capsys):
     (line,) = thin_layers(drawn(name, thick / 2))
-    assert f"is {thick:g} m thick, 2 rows of points" in line and f"spacing {thick / 4:g}" in line
+    assert f"is {thick:g} m thick, 2 rows of points" in line and f"spacing {thick / 6:.3g}" in line
     assert thin_layers(drawn(name, thick / 4)) == []
     print_doubts(drawn(name, thick / 2))
     assert "few points: what liquefied" in capsys.readouterr().out
