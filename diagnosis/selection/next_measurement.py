@@ -20,13 +20,13 @@ run is asked for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.hypotheses.model import Proposal, Proposing
+from diagnosis.hypotheses.model import Proposal, Proposes
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
 from diagnosis.selection.explain import Explanation
@@ -37,6 +37,7 @@ from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Spreads, Surface, Surrogate
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Unknowns
+from inversion.problem.state import State
 from pipeline.ties import largest_place
 
 #: Explanations with less probability are not worth telling apart, and no more than this many are.
@@ -76,8 +77,54 @@ class Rival:
     covariance: np.ndarray
 
 
+class Readable:
+    """The proposals of a model that can be read on all of its runs that did not fail.
+
+    A run that cannot be read leaves a hole in every number that is compared, so a slip depth is no
+    proposal where in one of the runs nothing slipped.
+
+    Attributes:
+        proposals: of those numbers.
+        columns: their places among the model's own, (q,).
+    """
+
+    def __init__(self, model: Proposes, readable: np.ndarray) -> None:
+        self._model = model
+        self.proposals: list[Proposal] = []
+        columns: list[int] = []
+        for proposal in model.proposals:
+            own = list(proposal.index)
+            if readable[own].all():
+                places = tuple(range(len(columns), len(columns) + len(own)))
+                self.proposals.append(replace(proposal, index=places))
+                columns += own
+        self.columns = np.array(columns, dtype=int)
+
+    @classmethod
+    def of(cls, model: Proposes, comparison: Comparison) -> Readable:
+        """Of the runs that the comparison has made, and of its seeds."""
+        readings = model.propose([*_own_states(comparison), *_seeds(comparison)])
+        read = np.isfinite(readings)
+        return cls(model, read[read.any(axis=1)].all(axis=0))
+
+    def propose(self, states: Sequence[State]) -> np.ndarray:
+        """Readings of these proposals, (n, q)."""
+        return self._model.propose(states)[:, self.columns]
+
+
+def _own_states(comparison: Comparison) -> list[State]:
+    """Of the runs that were made, in numerics of their own."""
+    return [state for state, _ in comparison.base.runs.every if state.numerics == "own"]
+
+
+def _seeds(comparison: Comparison) -> list[State]:
+    """Of the base model's jitter seeds."""
+    base = comparison.base
+    return [base.surface.space.state(base.surface.x, seed=seed) for seed in range(base.seeds)]
+
+
 def suggest(
-    model: Proposing,
+    model: Proposes,
     comparison: Comparison,
     explanation: Explanation,
     tried_models: TriedModels,
@@ -97,22 +144,21 @@ def suggest(
         options: whether data are synthetic.
         count: how many measurements at most.
     """
-    if not model.proposals:
+    readable = Readable.of(model, comparison)
+    if not readable.proposals:
         return []
-    rivals = _survivors(model, comparison, tried_models, decision)
+    rivals = _survivors(readable, comparison, tried_models, decision)
     if len(rivals) == 1 and rivals[0].names:  # the answer, and what comes next to it
-        rivals = _survivors(model, comparison, tried_models, decision, least=0.0)[:2]
+        rivals = _survivors(readable, comparison, tried_models, decision, least=0.0)[:2]
     if len(rivals) < 2:
-        rivals = _hidden(model, comparison, explanation, options)
-    error = proposal_error(model, comparison, options)
-    return greedy(model.proposals, rivals, error, count)
+        rivals = _hidden(readable, comparison, explanation, options)
+    error = proposal_error(readable, comparison, options)
+    return greedy(readable.proposals, rivals, error, count)
 
 
-def proposal_error(model: Proposing, comparison: Comparison, options: Options) -> np.ndarray:
+def proposal_error(model: Proposes, comparison: Comparison, options: Options) -> np.ndarray:
     """C_new of all proposals, (q, q): the survey's, and the noise of the model's runs."""
-    base = comparison.base
-    states = [base.surface.space.state(base.surface.x, seed=seed) for seed in range(base.seeds)]
-    jitter = jitter_covariance(model.propose(states))
+    jitter = jitter_covariance(model.propose(_seeds(comparison)))
     error = jitter * (SYNTHETIC if options.synthetic else 1.0)
     for proposal in model.proposals:
         own = np.ix_(proposal.index, proposal.index)
@@ -152,7 +198,7 @@ def separation(rivals: Sequence[Rival], error: np.ndarray, index: Sequence[int])
 
 
 def _survivors(
-    model: Proposing,
+    model: Proposes,
     comparison: Comparison,
     tried_models: TriedModels,
     decision: Decision,
@@ -172,11 +218,10 @@ def _survivors(
 
 
 def read_at(
-    model: Proposing, comparison: Comparison, space: Unknowns, x: np.ndarray
+    model: Proposes, comparison: Comparison, space: Unknowns, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Proposals (q,) at x of a model, and their derivative, from the runs made so far."""
-    runs = comparison.base.runs
-    states = [state for state, _ in runs.every if state.numerics == "own"]
+    states = _own_states(comparison)
     readings = model.propose(states)
     q = readings.shape[1]
     empty = Surface(space, x, np.zeros(q), np.zeros((q, space.size)))
@@ -198,7 +243,7 @@ def _open(data: Data, fit: Fit, slope: np.ndarray) -> np.ndarray:
 
 
 def _hidden(
-    model: Proposing, comparison: Comparison, explanation: Explanation, options: Options
+    model: Proposes, comparison: Comparison, explanation: Explanation, options: Options
 ) -> list[Rival]:
     """The base model, and each candidate at the amplitude that would just be found.
 
