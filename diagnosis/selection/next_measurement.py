@@ -42,6 +42,8 @@ from pipeline.ties import largest_place
 
 #: Explanations with less probability are not worth telling apart, and no more than this many are.
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
+#: A proposal that a larger share of the runs cannot read is none.
+MOST_UNREAD = 0.1
 #: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
 #: of its slopes, of their products, and of what these do not describe.
 UNKNOWN = (300.0, 60.0, 20.0, 1.5)
@@ -78,10 +80,10 @@ class Rival:
 
 
 class Readable:
-    """The proposals of a model that can be read on all of its runs that did not fail.
+    """The proposals of a model that can be read on nearly all of its runs that did not fail.
 
-    A run that cannot be read leaves a hole in every number that is compared, so a slip depth is no
-    proposal where in one of the runs nothing slipped.
+    A run that lacks one reading drops out of what is predicted of all. So a slip depth is no
+    proposal where in many runs nothing slipped.
 
     Attributes:
         proposals: of those numbers.
@@ -102,10 +104,13 @@ class Readable:
 
     @classmethod
     def of(cls, model: Proposes, comparison: Comparison) -> Readable:
-        """Of the runs that the comparison has made, and of its seeds."""
-        readings = model.propose([*_own_states(comparison), *_seeds(comparison)])
-        read = np.isfinite(readings)
-        return cls(model, read[read.any(axis=1)].all(axis=0))
+        """Those read on all seeds of the base model and all but a few of the runs made so far."""
+        kept = np.ones(sum(len(proposal.index) for proposal in model.proposals), dtype=bool)
+        for states, most in ((_seeds(comparison), 0.0), (_own_states(comparison), MOST_UNREAD)):
+            unread = ~np.isfinite(model.propose(states))
+            ran = ~unread.all(axis=1)
+            kept &= unread[ran].sum(axis=0) <= most * ran.sum()
+        return cls(model, kept)
 
     def propose(self, states: Sequence[State]) -> np.ndarray:
         """Readings of these proposals, (n, q)."""
@@ -144,6 +149,8 @@ def suggest(
         options: whether data are synthetic.
         count: how many measurements at most.
     """
+    if not model.proposals:
+        return []
     readable = Readable.of(model, comparison)
     if not readable.proposals:
         return []
