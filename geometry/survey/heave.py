@@ -162,7 +162,8 @@ def heave(
         side: of the toe.
         foot: x of the foot of the fill before the slide [m].
         x: place of the rise [m]; None: the largest one, from the foot before the slide or the toe
-            after it, whichever lies further out, to the end of the ground.
+            after it, whichever lies further out, to the end of the ground. Within two kernel
+            lengths of that end the columns lack what lies beyond it, and the rise reads low.
         derivative: return also the derivative with respect to `position`.
 
     Returns:
