@@ -204,9 +204,8 @@ class Model(Predictor, Protocol):
         ...
 
 
-@runtime_checkable
-class Proposing(Model, Protocol):
-    """A model that can also say what other measurements would have read."""
+class Proposes(Protocol):
+    """Something that can say what other measurements would have read."""
 
     @property
     def proposals(self) -> list[Proposal]:
@@ -216,6 +215,11 @@ class Proposing(Model, Protocol):
     def propose(self, states: Sequence[State]) -> np.ndarray:
         """Readings of all proposals, (n, their numbers); of runs made before it costs nothing."""
         ...
+
+
+@runtime_checkable
+class Proposing(Model, Proposes, Protocol):
+    """A model that can also say what other measurements would have read."""
 
 
 @runtime_checkable

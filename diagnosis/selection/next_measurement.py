@@ -20,13 +20,13 @@ run is asked for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from diagnosis.adequacy.compare import Comparison
-from diagnosis.hypotheses.model import Proposal, Proposing
+from diagnosis.hypotheses.model import Proposal, Proposes
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
 from diagnosis.selection.explain import Explanation
@@ -37,10 +37,13 @@ from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Spreads, Surface, Surrogate
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Unknowns
+from inversion.problem.state import State
 from pipeline.ties import largest_place
 
 #: Explanations with less probability are not worth telling apart, and no more than this many are.
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
+#: A proposal that a larger share of the runs cannot read is none.
+MOST_UNREAD = 0.1
 #: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
 #: of its slopes, of their products, and of what these do not describe.
 UNKNOWN = (300.0, 60.0, 20.0, 1.5)
@@ -76,8 +79,57 @@ class Rival:
     covariance: np.ndarray
 
 
+class Readable:
+    """The proposals of a model that can be read on nearly all of its runs that did not fail.
+
+    A run that lacks one reading drops out of what is predicted of all. So a slip depth is no
+    proposal where in many runs nothing slipped.
+
+    Attributes:
+        proposals: of those numbers.
+        columns: their places among the model's own, (q,).
+    """
+
+    def __init__(self, model: Proposes, readable: np.ndarray) -> None:
+        self._model = model
+        self.proposals: list[Proposal] = []
+        columns: list[int] = []
+        for proposal in model.proposals:
+            own = list(proposal.index)
+            if readable[own].all():
+                places = tuple(range(len(columns), len(columns) + len(own)))
+                self.proposals.append(replace(proposal, index=places))
+                columns += own
+        self.columns = np.array(columns, dtype=int)
+
+    @classmethod
+    def of(cls, model: Proposes, comparison: Comparison) -> Readable:
+        """Those read on all seeds of the base model and all but a few of the runs made so far."""
+        kept = np.ones(sum(len(proposal.index) for proposal in model.proposals), dtype=bool)
+        for states, most in ((_seeds(comparison), 0.0), (_own_states(comparison), MOST_UNREAD)):
+            unread = ~np.isfinite(model.propose(states))
+            ran = ~unread.all(axis=1)
+            kept &= unread[ran].sum(axis=0) <= most * ran.sum()
+        return cls(model, kept)
+
+    def propose(self, states: Sequence[State]) -> np.ndarray:
+        """Readings of these proposals, (n, q)."""
+        return self._model.propose(states)[:, self.columns]
+
+
+def _own_states(comparison: Comparison) -> list[State]:
+    """Of the runs that were made, in numerics of their own."""
+    return [state for state, _ in comparison.base.runs.every if state.numerics == "own"]
+
+
+def _seeds(comparison: Comparison) -> list[State]:
+    """Of the base model's jitter seeds."""
+    base = comparison.base
+    return [base.surface.space.state(base.surface.x, seed=seed) for seed in range(base.seeds)]
+
+
 def suggest(
-    model: Proposing,
+    model: Proposes,
     comparison: Comparison,
     explanation: Explanation,
     tried_models: TriedModels,
@@ -99,20 +151,21 @@ def suggest(
     """
     if not model.proposals:
         return []
-    rivals = _survivors(model, comparison, tried_models, decision)
+    readable = Readable.of(model, comparison)
+    if not readable.proposals:
+        return []
+    rivals = _survivors(readable, comparison, tried_models, decision)
     if len(rivals) == 1 and rivals[0].names:  # the answer, and what comes next to it
-        rivals = _survivors(model, comparison, tried_models, decision, least=0.0)[:2]
+        rivals = _survivors(readable, comparison, tried_models, decision, least=0.0)[:2]
     if len(rivals) < 2:
-        rivals = _hidden(model, comparison, explanation, options)
-    error = proposal_error(model, comparison, options)
-    return greedy(model.proposals, rivals, error, count)
+        rivals = _hidden(readable, comparison, explanation, options)
+    error = proposal_error(readable, comparison, options)
+    return greedy(readable.proposals, rivals, error, count)
 
 
-def proposal_error(model: Proposing, comparison: Comparison, options: Options) -> np.ndarray:
+def proposal_error(model: Proposes, comparison: Comparison, options: Options) -> np.ndarray:
     """C_new of all proposals, (q, q): the survey's, and the noise of the model's runs."""
-    base = comparison.base
-    states = [base.surface.space.state(base.surface.x, seed=seed) for seed in range(base.seeds)]
-    jitter = jitter_covariance(model.propose(states))
+    jitter = jitter_covariance(model.propose(_seeds(comparison)))
     error = jitter * (SYNTHETIC if options.synthetic else 1.0)
     for proposal in model.proposals:
         own = np.ix_(proposal.index, proposal.index)
@@ -152,7 +205,7 @@ def separation(rivals: Sequence[Rival], error: np.ndarray, index: Sequence[int])
 
 
 def _survivors(
-    model: Proposing,
+    model: Proposes,
     comparison: Comparison,
     tried_models: TriedModels,
     decision: Decision,
@@ -172,11 +225,10 @@ def _survivors(
 
 
 def read_at(
-    model: Proposing, comparison: Comparison, space: Unknowns, x: np.ndarray
+    model: Proposes, comparison: Comparison, space: Unknowns, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Proposals (q,) at x of a model, and their derivative, from the runs made so far."""
-    runs = comparison.base.runs
-    states = [state for state, _ in runs.every if state.numerics == "own"]
+    states = _own_states(comparison)
     readings = model.propose(states)
     q = readings.shape[1]
     empty = Surface(space, x, np.zeros(q), np.zeros((q, space.size)))
@@ -198,7 +250,7 @@ def _open(data: Data, fit: Fit, slope: np.ndarray) -> np.ndarray:
 
 
 def _hidden(
-    model: Proposing, comparison: Comparison, explanation: Explanation, options: Options
+    model: Proposes, comparison: Comparison, explanation: Explanation, options: Options
 ) -> list[Rival]:
     """The base model, and each candidate at the amplitude that would just be found.
 

@@ -18,6 +18,7 @@ from geometry.case import SCENE_FILE, Case
 from geometry.scenes.drawings import with_room
 from geometry.scenes.limits import FARTHEST_M
 from geometry.scenes.scene import Scene, checked_document, scene_from_mapping
+from geometry.survey.marks import Height
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
 from geometry.survey.measurements import Measurements
 from inversion.new_case.case_files import CaseWords, inversion_text, readme_text, scene_file_text
@@ -128,7 +129,7 @@ def write_case(folder: Path, name: str, documents: Mapping[str, Any]) -> None:
 
 
 def marks_of(case: Case) -> list[dict[str, Any]]:
-    """What was measured, as lines and distances on the section."""
+    """What was measured, as lines and distances on the section, and heights over its surface."""
     found: list[dict[str, Any]] = []
     if case.survey is None:
         return found
@@ -139,6 +140,8 @@ def marks_of(case: Case) -> list[dict[str, Any]]:
                 key: value.tolist() if hasattr(value, "tolist") else value
                 for key, value in vars(mark).items()
             }
+            if isinstance(mark, Height):
+                values["surface"] = case.scene.surface(mark.x)
             found.append({"kind": kind, "name": entry.name, **values})
     return found
 

@@ -53,6 +53,15 @@ def kernel_slope(offset: np.ndarray, length: float) -> np.ndarray:
     return np.sign(offset) * np.where(q < 1.0, near, far) / length**2
 
 
+def kernel_integral(offset: np.ndarray | float, length: float) -> np.ndarray:
+    """Integral of `kernel` up to `offset` [m]: 0 far below, 0.5 at its centre, 1 far above."""
+    q = np.abs(offset) / length
+    near = 0.5 + q * (2.0 / 3.0 - q**2 * (1.0 / 3.0 - q / 8.0))
+    far = 1.0 - np.maximum(2.0 - q, 0.0) ** 4 / 24.0
+    above = np.where(q < 1.0, near, far)
+    return np.where(np.asarray(offset) < 0.0, 1.0 - above, above)
+
+
 @overload
 def column_height(
     position: np.ndarray,

@@ -48,4 +48,19 @@ class Distance:
         return self.start + self.outward * self.value
 
 
-Mark = Line | Distance
+@dataclass(frozen=True)
+class Height:
+    """A height over the surface before the slide at one place, or a depth below it.
+
+    Attributes:
+        x: place [m].
+        value: upward positive [m].
+        label: in the legend, once for all of the same label.
+    """
+
+    x: float
+    value: float
+    label: str
+
+
+Mark = Line | Distance | Height

@@ -18,10 +18,12 @@ from pydantic import Field, PlainValidator, TypeAdapter
 
 from geometry.survey.crest_settlement import CrestSettlement
 from geometry.survey.freeboard import Freeboard
+from geometry.survey.heave import Heave
 from geometry.survey.marker_displacement import MarkerDisplacement
 from geometry.survey.measured import REQUIRED, REQUIRED_FIELDS, Measured
 from geometry.survey.no_flow import NoFlow
 from geometry.survey.slide_duration import SlideDuration
+from geometry.survey.slip_depth import SlipDepth
 from geometry.survey.surface_profile import SurfaceProfile
 from geometry.survey.toe_history import ToeHistory
 from geometry.survey.toe_runout import ToeRunout
@@ -39,6 +41,8 @@ LIBRARY: tuple[type[Measured], ...] = (
     Velocity,
     SlideDuration,
     Freeboard,
+    Heave,
+    SlipDepth,
     NoFlow,
 )
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Scene, Zone
 from geometry.sides import Side
 from geometry.survey.measured import Measured
 from pipeline.cli import InputError
@@ -109,3 +109,21 @@ def check_in_section(x: float, scene: Scene, where: str) -> None:
     left, right = scene.end("left"), scene.end("right")
     if not left <= x <= right:
         raise InputError(f"{where} {x:g} lies outside the section, x {left:g} to {right:g} m")
+
+
+def surface_at(x: float, scene: Scene, where: str) -> float:
+    """Elevation of the surface before the slide at a place [m].
+
+    Raises:
+        InputError: no soil stood there; beginning with `where`; one line.
+    """
+    check_in_section(x, scene, where)
+    if not any(low <= x <= high for low, high in map(_reach_of, scene.zones)):
+        raise InputError(f"{where} {x:g}: no zone of the section lies there")
+    return scene.surface(x)
+
+
+def _reach_of(zone: Zone) -> tuple[float, float]:
+    """Where a zone begins and ends, x [m]."""
+    x = [place for place, _ in zone.polygon]
+    return min(x), max(x)

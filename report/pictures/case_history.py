@@ -18,7 +18,7 @@ from shapely.geometry import Polygon
 from shapely.ops import unary_union
 
 from geometry.case import Case
-from geometry.survey.marks import Distance, Line
+from geometry.survey.marks import Distance, Height, Line
 from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
 from report.numbers import MINUS
@@ -38,6 +38,8 @@ LEFT, RIGHT, BOTTOM, GAP, LEGEND_ROW = 0.62, 0.2, 0.5, 0.48, 0.175
 ROW, HEADING_ROW, HEADING_TOP, PANEL_TITLE = 0.185, 0.172, 0.46, 0.32
 # Dimension lines below the ground, and the lower edge of the panels, in heights of the section.
 LINES, LOWEST_LINE = (0.11, 0.25), 0.36
+# Half the bar at the end of a measured height, in heights of the section.
+BAR = 0.06
 
 
 def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: Path) -> None:
@@ -104,13 +106,17 @@ def _limits(case: Case, run: Run, overlay: Overlay) -> tuple[tuple[float, float]
 
 
 def line_overlay(case: Case) -> Overlay:
-    """The measured lines, such as surfaces; constructed ones dotted and named so."""
+    """The measured lines, such as surfaces, constructed ones dotted and named so; and heights.
+
+    A height is a line from the surface before the slide, with a bar at its end.
+    """
 
     def draw(ax: Axes) -> None:
         labelled = set()
-        for line in case.marks:
-            if not isinstance(line, Line):
+        for mark in case.marks:
+            if isinstance(mark, Distance):
                 continue
+            line = _bar(case, mark) if isinstance(mark, Height) else mark
             style = CONSTRUCTED_LINE if line.constructed else MEASURED_LINE
             ax.plot(
                 line.x,
@@ -132,6 +138,14 @@ def line_overlay(case: Case) -> Overlay:
             labelled.add(line.label)
 
     return draw
+
+
+def _bar(case: Case, mark: Height) -> Line:
+    """A height at its place, from the surface before the slide, with a bar at its end."""
+    start, half = case.scene.surface(mark.x), BAR * _height(case)
+    end = start + mark.value
+    x = mark.x + half * np.array([0.0, 0.0, -1.0, 1.0])
+    return Line(x, np.array([start, end, end, end]), mark.label, constructed=False)
 
 
 def distances(case: Case, readings: Sequence[Reading]) -> Overlay:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,14 @@ from diagnosis.diagnose import diagnose, next_measurements
 from diagnosis.hypotheses.model import Proposal, Proposing
 from diagnosis.options import Options
 from diagnosis.selection import next_measurement
-from diagnosis.selection.next_measurement import Rival, greedy, proposal_error, read_at, separation
+from diagnosis.selection.next_measurement import (
+    Readable,
+    Rival,
+    greedy,
+    proposal_error,
+    read_at,
+    separation,
+)
 from inversion.estimation.hold_out import HoldOut
 from inversion.problem.state import State
 from tests.budget import examples
@@ -199,6 +207,37 @@ def test_the_error_of_a_proposal_is_the_survey_s_and_the_model_s():
 def test_a_model_that_proposes_nothing_gets_no_suggestion():
     assert next_measurements(diagnose(straight(3, {"bend": 1.5}), QUICK), 2) == []
     assert next_measurements(diagnose(offering(3, {"bend": 1.5}, []), QUICK), 2) == []
+
+
+def test_what_no_run_can_read_takes_nothing_from_the_others():
+    offers = [("of points that are not there", np.nan, {}), *OFFERS]
+    found = diagnose(offering(3, {"bend": 1.5}, offers), QUICK)
+    names = [one.proposal.name for one in found.next_measurement]
+    assert names[0] == "what tells them apart" and offers[0][0] not in names
+    assert found.next_measurement[0].gain > 10.0
+
+
+@pytest.mark.parametrize(("unread", "kept"), [(1, "ab"), (3, "a")])
+def test_what_many_runs_cannot_read_is_no_proposal(unread, kept):
+    """A slip depth where nothing slipped; a run that failed has no reading of anything."""
+    readings = np.ones((20, 3))
+    readings[:unread, 1:] = np.nan
+    readings[-4:] = np.nan
+    model = SimpleNamespace(
+        proposals=[proposal("a", 0), proposal("b", 1, 2)],
+        propose=lambda states: readings[[int(state.values[0]) for state in states]],
+    )
+    space = SimpleNamespace(state=lambda x, seed: State((10.0 + seed,)))
+    base = SimpleNamespace(
+        surface=SimpleNamespace(space=space, x=None),
+        seeds=3,
+        runs=SimpleNamespace(every=[(State((float(number),)), None) for number in range(20)]),
+    )
+    found = Readable.of(model, SimpleNamespace(base=base))
+    assert "".join(one.name for one in found.proposals) == kept
+    columns = [place for one in found.proposals for place in one.index]
+    assert columns == list(range(len(columns)))
+    assert found.propose([State((5.0,))]).shape == (1, len(columns))
 
 
 def test_what_cannot_be_read_is_not_suggested(monkeypatch):

@@ -34,7 +34,20 @@ DURATION = {"name": "eyewitness", "type": "slide_duration", "value_s": 2.0, "std
 PROFILE = {"name": "survey", "type": "surface_profile", "file": "survey.csv", "std_m": 0.4,
            "correlation_length_m": 8.0}  # fmt: skip
 STOOD = {"name": "no flow", "type": "no_flow", "side": "left", "limit_m": 1.5, "std_m": 0.5}
-EVERY = [TOE, CREST, CREST_POINTS, FREEBOARD, MARKER, HISTORY, SPEED, DURATION, PROFILE, STOOD]
+SLIP = {"name": "boring", "type": "slip_depth", "x_m": 14.0, "value_m": 6.0, "std_m": 0.5}
+EVERY = [
+    TOE,
+    CREST,
+    CREST_POINTS,
+    FREEBOARD,
+    MARKER,
+    HISTORY,
+    SPEED,
+    DURATION,
+    PROFILE,
+    STOOD,
+    SLIP,
+]
 SURVEY = Profile(np.array([8.0, 12.0, 16.0, 20.0]), np.array([4.0, 6.0, 7.0, 6.0]), ["all"] * 4)
 
 
@@ -280,6 +293,9 @@ def test_entries_that_say_nothing_are_refused(entry, complaint):
         ({**CREST_POINTS, "value_m": 8.5}, "value_m 8.5 is more than the section is high"),
         ({**FREEBOARD, "value_m": 999.0}, "value_m 999 over water at .* is ground at y 10"),
         ({**FREEBOARD, "value_m": -9.0}, "value_m -9 over water at .* is ground at y -"),
+        ({**SLIP, "x_m": -1.0}, "'boring': x_m -1 lies outside the section, x 0 to 30 m"),
+        ({**SLIP, "value_m": 9.0}, "value_m 9: the soil at x 14 is 8 m deep; a depth of the slip"),
+        ({**SLIP, "value_m": 0.0}, "a depth of the slip lies between 0 and that"),
     ],
 )
 def test_places_outside_the_section_are_refused(section, entry, complaint):

@@ -209,8 +209,10 @@ def test_a_case_drawn_from_nothing_gets_the_files_of_a_new_case(workspace):
            "confidence": "assumed", "source": "me"}  # fmt: skip
     profile = {"name": "line", "type": "surface_profile", "file": "after.csv", "std_m": 0.2,
                "confidence": "assumed", "source": "me"}  # fmt: skip
+    slip = {"name": "boring", "type": "slip_depth", "x_m": 15.0, "value_m": 4.0, "std_m": 0.5,
+            "confidence": "assumed", "source": "me"}  # fmt: skip
     survey = {"case": "drawn", "upstream": "left", "initial": {}, "default_set": "field",
-              "sets": {"field": [toe, profile]}}  # fmt: skip
+              "sets": {"field": [toe, profile, slip]}}  # fmt: skip
     tables = {"after.csv": "x_m,y_m\n-21,0\n5,3\n30,0\n"}
     question = proposed_question({**case, "measurements": survey, "tables": tables})
     assert question["fit"] == ["toe"] and question["parameters"][0]["zones"] == ["a"]
@@ -218,7 +220,8 @@ def test_a_case_drawn_from_nothing_gets_the_files_of_a_new_case(workspace):
     assert not case["faults"]
     assert case["scene"]["domain"]["x_min"] <= -21.0, "the profile has room"
     kinds = {one["name"]: one["kind"] for one in case["derived"]["marks"]}
-    assert kinds == {"toe": "distance", "line": "line"}
+    assert kinds == {"toe": "distance", "line": "line", "boring": "height"}
+    assert case["derived"]["marks"][-1]["surface"] == 6.0
     assert (workspace.folder / "drawn" / "after.csv").read_text() == tables["after.csv"]
     assert "# share one value" in (workspace.folder / "drawn" / "inversion.yaml").read_text()
 

@@ -322,7 +322,7 @@ export class Editor {
     }
   }
 
-  /** What was surveyed: lines, and distances from a foot. */
+  /** What was surveyed: lines, distances from a foot, and heights over the surface before the slide. */
   paintMarks(pen) {
     const low = bounds(this.scene)?.low ?? 0;
     pen.font = "11px system-ui, sans-serif";
@@ -333,6 +333,16 @@ export class Editor {
         this.path(pen, points, false, "--survey", 2);
         pen.setLineDash([]);
         if (points.length === 1) { pen.fillStyle = css("--survey"); this.dot(pen, points[0], 4); }
+        return;
+      }
+      if (mark.kind === "height") {
+        const [x, from] = this.view.pixel([mark.x, mark.surface]);
+        const [, to] = this.view.pixel([mark.x, mark.surface + mark.value]);
+        pen.strokeStyle = pen.fillStyle = css("--survey");
+        pen.lineWidth = 2;
+        pen.beginPath(); pen.moveTo(x, from); pen.lineTo(x, to); pen.moveTo(x - 7, to); pen.lineTo(x + 7, to); pen.stroke();
+        pen.textAlign = "center";
+        pen.fillText(`${mark.name} ${Math.abs(mark.value)} m`, x, to + (mark.value > 0 ? -6 : 14));
         return;
       }
       const end = mark.start + mark.outward * mark.value;
