@@ -17,7 +17,9 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     Field,
+    SerializerFunctionWrapHandler,
     ValidationError,
+    model_serializer,
     model_validator,
 )
 
@@ -50,6 +52,16 @@ Steps = Annotated[
     list[Annotated[int, Field(gt=0)]], BeforeValidator(_listed), AfterValidator(_ascending)
 ]
 CountRange = Annotated[tuple[int, int], AfterValidator(_in_order)]
+
+
+Family = Literal[
+    "template",
+    "embankment_dam",
+    "hydraulic_fill_dam",
+    "embankment_on_foundation",
+    "impoundment",
+]
+"""What a random scene may be: of the templates (a) to (e) by their weights, or (f) to (i)."""
 
 
 class Settings(StrictDocument):
@@ -605,7 +617,24 @@ class ScaleSettings(Settings):
         description="scenes from this number on are templates and dams in turn, every fourth a dam "
         "of hydraulic fill; null: none",
     )
+    families_from: dict[
+        Annotated[int, Field(ge=0)], Annotated[list[Family], Field(min_length=1)]
+    ] = Field(
+        default_factory=dict,
+        description="number -> families: scenes from this number on are of these families in "
+        "turn, until the next number; it wins over dams_from and mixed_from. The families: "
+        "template (a to e by their weights), embankment_dam, hydraulic_fill_dam, and, with ground "
+        "that goes on, embankment_on_foundation and impoundment",
+    )
     runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without other families they are not written: keys of what is made stay as they were."""
+        document = write(self)
+        if not self.families_from:
+            document.pop("families_from", None)
+        return document
 
     @property
     def number_of_batches(self) -> int:
