@@ -49,10 +49,12 @@ def first_sound(draw: Draw, key: tuple[int, ...], spacing: float, max_points: in
     for attempt in range(MOST_DRAWS):
         try:
             scene = draw(Stream(*key, attempt), key[-1], spacing)
+            if point_count(scene) > max_points:
+                continue
             scene.changed(spacing=2.0 * spacing)
         except ValidationError:  # a zone is a sliver
             continue
-        if point_count(scene) <= max_points and not thin_layers(scene):
+        if not thin_layers(scene):
             return scene
     raise InputError(
         f"section {key[-1]}: none of {MOST_DRAWS} draws is valid with at most {max_points} "

@@ -27,7 +27,7 @@ from pipeline.random_numbers import Stream
 #: Height of the dam over spacing; lengths below in heights of the dam.
 HEIGHT = (13.0, 26.0)
 #: Share of the dams with one shell; its face (horizontal over vertical), crest and base.
-SHELL_SHARE, SHELL_FACE, SHELL_CREST, SHELL_BASE = 0.3, (2.5, 4.0), (0.15, 0.4), (0.8, 1.8)
+SHELL_SHARE, SHELL_FACE, SHELL_CREST, SHELL_BASE = 0.3, (2.5, 4.0), (0.25, 0.5), (0.8, 1.8)
 #: Of a starter dike: height, crest, outer and inner face.
 STARTER, STARTER_CREST = (0.2, 0.4), (0.12, 0.3)
 STARTER_FACE, INNER_FACE = (1.5, 2.5), (1.5, 2.2)
@@ -80,26 +80,16 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
     # Top of the tailings at the far end, where the layer that ends with the crest is thinnest.
     top = 1.0 - freeboard - fall * reach
     levels = _levels(stream, low, top, thinnest)
-    dikes = _shell(stream) if stream.unit() < SHELL_SHARE else _dikes(stream, levels)
-    # Where the tailings of each layer begin: at its bottom and at its top.
-    if len(dikes) == 1:
-        (_, (inner, _), (crest, _), _) = dikes[0]
-        face = [inner + y * (crest - inner) for y in levels]
-        begins = list(zip(face, face[1:], strict=False))
-        foot, *_, outer = dikes[0]
-        zones = [("shell", [foot, *zip(face, levels, strict=True), outer])]
+    beach = 1.0 - freeboard
+    if stream.unit() < SHELL_SHARE:
+        dikes, begins = _shell(stream, levels, beach)
+        names = ["shell"]
     else:
-        begins = [(outline[1][0], outline[2][0]) for outline in dikes]
+        dikes, begins = _dikes(stream, levels, beach)
         names = ["starter", *(f"raise_{number}" for number in range(1, len(dikes)))]
-        zones = list(zip(names, dikes, strict=True))
-    (last, crest), bottom, count = begins[-1], levels[-2], len(begins)
-    # The beach begins below the crest, on the inner face.
-    beach = last + (1.0 - freeboard - bottom) / (1.0 - bottom) * (crest - last)
-    end = beach + reach
-    begins[-1] = (last, beach)
-    # An inner face has the vertices of the tailings: rounded apart, they would leave cracks.
-    zones[-1][1].insert(-2, (beach, 1.0 - freeboard))
-    tops = [(high, high) for high in levels[1:-1]] + [(1.0 - freeboard, top)]
+    zones = list(zip(names, dikes, strict=True))
+    end, count = begins[-1][1] + reach, len(begins)
+    tops = [(high, high) for high in levels[1:-1]] + [(beach, top)]
     for number, ((at_bottom, at_top), bottom, (high, at_end)) in enumerate(
         zip(begins, levels, tops, strict=False)
     ):
@@ -113,7 +103,7 @@ def _drawn(stream: Stream, index: int, spacing: float) -> Scene:
         return _soil(stream, name, residual, liquefies=name in liquefied)
 
     materials = materials_of(stream, height, zones, soil, RESIDUAL)
-    line = _line(stream, dikes[0], levels[1], (beach, 1.0 - freeboard), (end, top))
+    line = _line(stream, begins[0], levels[1], (begins[-1][1], beach), (end, top))
     name = f"impoundment_{index:05d}"
     return section_that_goes_on(stream, name, spacing, height, zones, materials, line, ("right",))
 
@@ -131,16 +121,28 @@ def _levels(stream: Stream, starter: float, top: float, thinnest: float) -> list
     return [0.0, starter, *inner, 1.0]
 
 
-def _shell(stream: Stream) -> list[list[Point]]:
-    """One shell from the ground to the crest: outer foot, inner foot, inner crest, outer crest."""
+#: Outlines of the dikes, and where the tailings of each layer begin: x at its bottom and its top.
+Dikes = tuple[list[list[Point]], list[tuple[float, float]]]
+
+
+def _shell(stream: Stream, levels: Sequence[float], beach: float) -> Dikes:
+    """One shell from the ground to the crest; its inner face leans over the tailings to the beach.
+
+    The face has the vertices of the tailings: where two outlines are rounded apart, they would
+    leave a crack.
+    """
     face, crest = stream.uniform(*SHELL_FACE), stream.uniform(*SHELL_CREST)
-    base = stream.uniform(*SHELL_BASE)
-    return [[(0.0, 0.0), (base, 0.0), (face + crest, 1.0), (face, 1.0)]]
+    base, above = stream.uniform(*SHELL_BASE), stream.uniform(*INNER_FACE)
+    sides = [(base + y / beach * (face + crest - base), y) for y in (*levels[:-1], beach)]
+    inner_crest = (face + crest - above * (1.0 - beach), 1.0)
+    begins = [(low[0], high[0]) for low, high in zip(sides, sides[1:], strict=False)]
+    return [[(0.0, 0.0), *sides, inner_crest, (face, 1.0)]], begins
 
 
-def _dikes(stream: Stream, levels: Sequence[float]) -> list[list[Point]]:
-    """A starter dike and its raises, each as outer foot, inner foot, inner crest, outer crest."""
+def _dikes(stream: Stream, levels: Sequence[float], beach: float) -> Dikes:
+    """A starter dike and its raises, each from its outer foot, on the crest of the one below."""
     dikes: list[list[Point]] = []
+    begins: list[tuple[float, float]] = []
     foot = 0.0
     for number, (low, high) in enumerate(zip(levels, levels[1:], strict=False)):
         crest = stream.uniform(*(RAISE_CREST if number else STARTER_CREST))
@@ -148,11 +150,13 @@ def _dikes(stream: Stream, levels: Sequence[float]) -> list[list[Point]]:
         inner, bench = stream.uniform(*INNER_FACE), stream.uniform(*BENCH)
         outer_x = foot + face * (high - low)
         inner_x = outer_x + crest
-        dikes.append(
-            [(foot, low), (inner_x + inner * (high - low), low), (inner_x, high), (outer_x, high)]
-        )
+        inner_foot = inner_x + inner * (high - low)
+        # On the inner face of the last one the tailings end below the crest.
+        ends = [(inner_x + inner * (high - beach), beach)] if high > beach else []
+        dikes.append([(foot, low), (inner_foot, low), *ends, (inner_x, high), (outer_x, high)])
+        begins.append((inner_foot, ends[0][0] if ends else inner_x))
         foot = outer_x + bench * crest
-    return dikes
+    return dikes, begins
 
 
 def _soil(stream: Stream, name: str, residual: float, *, liquefies: bool) -> Soil:
@@ -170,26 +174,25 @@ def _soil(stream: Stream, name: str, residual: float, *, liquefies: bool) -> Soi
 
 
 def _line(
-    stream: Stream, dike: list[Point], starter: float, beach: Point, end: Point
+    stream: Stream, dike: tuple[float, float], starter: float, beach: Point, end: Point
 ) -> list[Point] | None:
     """Phreatic line from the firm ground in front to the far end [heights]; None: no water.
 
     Args:
         stream: five numbers are taken from it.
-        dike: the lowest one, or the shell.
-        starter: top of the lowest layer of tailings.
-        beach: where the beach begins at the crest.
+        dike: inner face of the starter dike, or of the shell: x at the bottom and at the top of
+            the lowest layer of tailings.
+        starter: top of that layer.
+        beach: where the beach begins at the dike.
         end: and where it ends.
     """
     kind, begin, depth = stream.unit(), stream.uniform(*POND_FROM), stream.uniform(*TABLE)
-    drained, behind = stream.unit() < DRAINED_SHARE, stream.uniform(*UNDRAINED)
+    drained, share = stream.unit() < DRAINED_SHARE, stream.uniform(*UNDRAINED)
     if kind < DRY_SHARE:
         return None
-    (foot, _), (inner_foot, _), (inner_crest, top), _ = dike
-    low = 0.0 if drained else behind * starter
-    # Where the line meets the inner face of the dike.
-    face = inner_foot + low / top * (inner_crest - inner_foot)
-    line = [(foot - 1.0, 0.0), (foot, 0.0), (face, low)]
+    share = 0.0 if drained else share
+    face = (dike[0] + share * (dike[1] - dike[0]), share * starter)
+    line = [(-1.0, 0.0), (0.0, 0.0), face]
     if kind < DRY_SHARE + POND_SHARE:
         edge, level = between(beach, end, begin)
         return [*line, (edge, level), (end[0], level)]

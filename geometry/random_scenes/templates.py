@@ -128,10 +128,10 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
 
 
 def _family(size: ScaleSettings, index: int) -> Family:
-    """What a scene is: of `families_from`, else of `mixed_from`, else of `dams_from`."""
-    begun = [start for start in size.families_from if start <= index]
+    """What a scene is: by `turns`, else by `mixed_from`, else by `dams_from`."""
+    begun = [one for one in size.turns if one.first <= index]
     if begun:
-        start, turns = max(begun), tuple(size.families_from[max(begun)])
+        start, turns = begun[-1].first, tuple(begun[-1].families)
     elif size.mixed_from is not None and index >= size.mixed_from:
         start, turns = size.mixed_from, MIXTURE
     elif size.dams_from is not None and index >= size.dams_from:
