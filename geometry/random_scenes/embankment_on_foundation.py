@@ -3,8 +3,8 @@
 A road, a railway or a levee on level ground: a loose layer, more often than not under a crust, a
 stiffer layer below it in half of the draws, and a fill in one or two lifts. Both ends are far
 boundaries, so the toe is that of the fill. Side slopes of 1 : 1.5 to 1 : 3 are those of roads and
-levees in use (USACE EM 1110-2-1913 wants 1 : 2 or gentler for new levees); all other ranges are
-assumed. A section follows from (seed, index) and the most points alone.
+levees in use (USACE EM 1110-2-1913 takes 1 : 2 for the steepest of a new levee); all other ranges
+are assumed. A section follows from (seed, index) and the most points alone.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@ Dikes one on the other, each partly on the tailings that the one before has held
 method), or one shell of sand; behind them tailings in layers, of which some liquefy. The tailings
 go on: their end is a far boundary, and the toe is on the other side, on firm ground. Most have
 water: a pond behind a beach, or a table below the tailings, which falls to a starter dike that
-drains or does not. Faces of 1 : 1.5 to 1 : 4, beaches that fall by 0.5 to 1 % towards the pond and
-up to five dikes are usual (Vick 1990, Planning, Design, and Analysis of Tailings Dams); all other
-ranges are assumed. A section follows from (seed, index) and the most points alone.
+drains or does not. Faces of 1 : 1.5 to 1 : 4 and beaches that fall by 0.5 to 1 % towards the pond
+are usual (Vick 1990, Planning, Design, and Analysis of Tailings Dams); all other ranges are
+assumed. A section follows from (seed, index) and the most points alone.
 """
 
 from __future__ import annotations
