@@ -17,7 +17,9 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     Field,
+    SerializerFunctionWrapHandler,
     ValidationError,
+    model_serializer,
     model_validator,
 )
 
@@ -50,6 +52,16 @@ Steps = Annotated[
     list[Annotated[int, Field(gt=0)]], BeforeValidator(_listed), AfterValidator(_ascending)
 ]
 CountRange = Annotated[tuple[int, int], AfterValidator(_in_order)]
+
+
+Family = Literal[
+    "template",
+    "embankment_dam",
+    "hydraulic_fill_dam",
+    "embankment_on_foundation",
+    "impoundment",
+]
+"""What a random scene may be: of the templates (a) to (e) by their weights, or (f) to (i)."""
 
 
 class Settings(StrictDocument):
@@ -569,6 +581,18 @@ class GnsSettings(Settings):
         return self
 
 
+class Turns(Settings):
+    """What the random scenes from a number on are."""
+
+    first: int = Field(0, ge=0, description="number of the first of these scenes")
+    families: list[Family] = Field(
+        min_length=1,
+        description="in turn, until the next entry: template (a to e by their weights), "
+        "embankment_dam, hydraulic_fill_dam, and, with ground that goes on, "
+        "embankment_on_foundation and impoundment",
+    )
+
+
 class ScaleSettings(Settings):
     """One family of random scenes and its simulations (paper, Table 1)."""
 
@@ -605,7 +629,27 @@ class ScaleSettings(Settings):
         description="scenes from this number on are templates and dams in turn, every fourth a dam "
         "of hydraulic fill; null: none",
     )
+    turns: list[Turns] = Field(
+        default_factory=list,
+        description="families of the scenes from a number on; they win over dams_from and "
+        "mixed_from",
+    )
     runs_per_batch: int = Field(100, gt=0, description="runs simulated by one job")
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """No turns are not written: keys of what was made without stay as they were."""
+        document = write(self)
+        if not self.turns:
+            document.pop("turns", None)
+        return document
+
+    @model_validator(mode="after")
+    def _turns_ascend(self) -> ScaleSettings:
+        first = [one.first for one in self.turns]
+        if first != sorted(set(first)):
+            raise ValueError(f"turns: first must ascend, but is {first}")
+        return self
 
     @property
     def number_of_batches(self) -> int:

@@ -92,6 +92,7 @@ def materials_of(
     height: float,
     zones: list[tuple[str, list[Point]]],
     soil_of: Callable[[Stream, str, float], Soil],
+    residual_range: tuple[float, float] = RESIDUAL,
 ) -> dict[str, dict]:
     """Materials of the zones of a dam, by their names.
 
@@ -101,11 +102,12 @@ def materials_of(
         zones: names and outlines.
         soil_of: draws the soil of a zone, from its name and the residual strength of the dam's
             liquefied soil [rho g height].
+        residual_range: of that strength, evenly over its logarithm [rho g height].
     """
     density = stream.uniform(*DENSITY)
     stiffness = log_uniform(stream, *STIFFNESS)
     unit_kpa = density * GRAVITY * height / 1000.0
-    residual = log_uniform(stream, *RESIDUAL)
+    residual = log_uniform(stream, *residual_range)
     soils = {name: soil_of(stream, name, residual) for name, _ in zones}
     return {
         name: {

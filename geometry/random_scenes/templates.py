@@ -1,13 +1,18 @@
 """Scenes drawn at random from the templates (a) to (e) of the paper's Fig. 3 and Table A.1.
 
-A scale may go on with free-standing dams (`embankment_dam`), which count as template (f).
+A scale may go on with other families (`OTHERS`): dams that stand free, and sections whose ground
+goes on beyond their ends.
 A scene follows from (configuration, scale, index) alone: the same on every machine, in any order.
 The outlines are drawn until they are valid, at most `MOST_DRAWS` times; the number of draws is kept
-in the scene. A new template is one file with a `sketch` function and one line in `TEMPLATES`.
+in the scene.
+
+A new template is one file with a `sketch` function and one line in `TEMPLATES`. A new family is one
+file with a function that draws it, one line in `OTHERS`, and its name in `pipeline.config.Family`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,7 +20,9 @@ import numpy as np
 
 from geometry.random_scenes import blocks, embankment, random_slope, tailings_dam, zoned_dam
 from geometry.random_scenes.embankment_dam import draw_dam
+from geometry.random_scenes.embankment_on_foundation import draw_embankment_on_foundation
 from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
+from geometry.random_scenes.impoundment import draw_impoundment
 from geometry.random_scenes.materials import draw_material
 from geometry.random_scenes.sketch import (
     Frame,
@@ -32,7 +39,7 @@ from pipeline.cli import InputError
 from pipeline.random_numbers import Stream, number_of
 
 if TYPE_CHECKING:
-    from pipeline.config import Config, GeometrySettings, ScaleSettings
+    from pipeline.config import Config, Family, GeometrySettings, ScaleSettings
 
 TEMPLATES: dict[str, Template] = {
     "a": embankment.sketch,
@@ -42,10 +49,25 @@ TEMPLATES: dict[str, Template] = {
     "e": blocks.sketch,
 }
 
-#: Letters of the free-standing dams: with two layers to a shell, and of hydraulic fill.
-DAM, HYDRAULIC_FILL_DAM = "f", "g"
-#: What the scenes from `mixed_from` on are, in turn; None: one of the templates.
-MIXTURE = (None, DAM, None, HYDRAULIC_FILL_DAM)
+#: Draws a scene from a seed, its number, the spacing [m] and the most points.
+Draw = Callable[[int, int, float, int], Scene]
+
+
+def _of_any_size(draw: Callable[[int, int, float], Scene]) -> Draw:
+    """A dam that stands free is short, so that its number of points is not limited."""
+    return lambda seed, index, spacing, _: draw(seed, index, spacing)
+
+
+#: Other families than the templates: letter, kind of its materials, and what draws it.
+OTHERS: dict[Family, tuple[str, str, Draw]] = {
+    "embankment_dam": ("f", "dam", _of_any_size(draw_dam)),
+    "hydraulic_fill_dam": ("g", "dam", _of_any_size(draw_hydraulic_fill_dam)),
+    "embankment_on_foundation": ("h", "foundation", draw_embankment_on_foundation),
+    "impoundment": ("i", "tailings", draw_impoundment),
+}
+#: What the scenes from `dams_from`, and from `mixed_from` on are, in turn.
+DAMS: tuple[Family, ...] = ("embankment_dam",)
+MIXTURE: tuple[Family, ...] = ("template", "embankment_dam", "template", "hydraulic_fill_dam")
 #: Least mean thickness of a zone (twice area over perimeter), in spacings: one cell.
 LEAST_THICKNESS = 2.0
 #: Largest difference between the area of the points and that of the polygons.
@@ -84,9 +106,9 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     settings, size = config.geometry, config.scale(scale)
     if index < 0:
         raise InputError(f"index {index}: scenes are numbered from 0")
-    dam = _kind_of_dam(size, index)
-    if dam is not None:
-        return _dam(dam, settings, size.spacing_m, scale, index)
+    family = _family(size, index)
+    if family != "template":
+        return _of_family(family, settings, size.spacing_m, scale, index)
     key = (settings.seed, number_of(scale), index)
     size = _size_of(key, size)
     shares = settings.template_shares.model_dump()
@@ -105,18 +127,27 @@ def draw_scene(config: Config, scale: str, index: int) -> Scene:
     )
 
 
-def _kind_of_dam(size: ScaleSettings, index: int) -> str | None:
-    """Letter of the free-standing dam that a scene is, or None: it is one of the templates."""
-    if size.mixed_from is not None and index >= size.mixed_from:
-        return MIXTURE[(index - size.mixed_from) % len(MIXTURE)]
-    return DAM if size.dams_from is not None and index >= size.dams_from else None
+def _family(size: ScaleSettings, index: int) -> Family:
+    """What a scene is: by `turns`, else by `mixed_from`, else by `dams_from`."""
+    begun = [one for one in size.turns if one.first <= index]
+    if begun:
+        start, turns = begun[-1].first, tuple(begun[-1].families)
+    elif size.mixed_from is not None and index >= size.mixed_from:
+        start, turns = size.mixed_from, MIXTURE
+    elif size.dams_from is not None and index >= size.dams_from:
+        start, turns = size.dams_from, DAMS
+    else:
+        return "template"
+    return turns[(index - start) % len(turns)]
 
 
-def _dam(letter: str, settings: GeometrySettings, spacing: float, scale: str, index: int) -> Scene:
-    """A free-standing dam under the name of its scale."""
-    origin = Origin(template=letter, scale=scale, index=index, draws=1, materials="dam")
-    draw = {DAM: draw_dam, HYDRAULIC_FILL_DAM: draw_hydraulic_fill_dam}[letter]
-    return draw(settings.seed, index, spacing).changed(
+def _of_family(
+    family: Family, settings: GeometrySettings, spacing: float, scale: str, index: int
+) -> Scene:
+    """A scene of another family than the templates, under the name of its scale."""
+    letter, materials, draw = OTHERS[family]
+    origin = Origin(template=letter, scale=scale, index=index, draws=1, materials=materials)
+    return draw(settings.seed, index, spacing, settings.max_points).changed(
         name=f"{scale}_{index:05d}", origin=origin.model_dump()
     )
 

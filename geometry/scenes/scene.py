@@ -242,7 +242,7 @@ class Zone(Document):
 class Origin(Document):
     """Where a generated scene comes from; it can be drawn again from this alone."""
 
-    template: str = Field(description="letter of the template, a to g")
+    template: str = Field(description="letter of the template, a to i")
     scale: str = Field(description="name of the scale in the configuration")
     index: int = Field(ge=0, description="number of the scene")
     draws: int = Field(ge=1, description="draws until a valid scene came; 1 = the first was valid")

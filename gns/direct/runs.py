@@ -81,6 +81,7 @@ def random_section(config: Config, number: int) -> Scene:
             "enlarged_share": 0.0,
             "dams_from": None,
             "mixed_from": None,
+            "turns": [],
         }
     )
     own = config.model_copy(

@@ -51,6 +51,15 @@ def test_the_papers_options(root):
     assert paper.scale("large").number_of_scenes == paper.scale("small").number_of_scenes == 2500
 
 
+def test_turns_are_written_where_there_are_some():
+    """Keys of what was made before there were any stay as they were."""
+    assert "turns" not in Config().scale("coarse").model_dump()
+    given = load_config(None, ["scales.coarse.turns=[{first: 3, families: [impoundment]}]"])
+    written = given.model_dump(mode="json")
+    assert written["scales"]["coarse"]["turns"] == [{"first": 3, "families": ["impoundment"]}]
+    assert Config.model_validate(written) == given != Config()
+
+
 def test_a_file_states_only_what_differs(tmp_path):
     path = tmp_path / "my.yaml"
     path.write_text("scales:\n  large:\n    number_of_scenes: 7\n")
@@ -103,6 +112,12 @@ def test_a_scale_of_ones_own(tmp_path):
         ("geometry.blocks.number=[0, 1]", "at least 1 block"),
         ("geometry.blocks.size_m=[0, 1]", "longer than 0"),
         ("geometry.blocks.speed_m_per_s=[-1, 1]", "at least 0"),
+        ("scales.coarse.turns=[{families: []}]", "at least 1 item"),
+        ("scales.coarse.turns=[{families: [dam]}]", "'template', 'embankment_dam'"),
+        (
+            "scales.coarse.turns=[{families: [impoundment]}, {families: [template]}]",
+            "turns: first must ascend, but is [0, 0]",
+        ),
         ("scales.mine.spacing_m=1", "scales.mine.number_of_scenes: is missing (and 5 more)"),
         ("scales.My_scale={}", "string should match pattern"),
         ("courant", "must be KEY=VALUE"),
