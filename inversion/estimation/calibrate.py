@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 from inversion.estimation.derivatives import LOG_STEPS
 from inversion.estimation.flow_limit import flow_limit
 from inversion.estimation.forward import Forward
-from inversion.estimation.gauss_newton import LARGEST_BOX, best_step, gauss_newton
+from inversion.estimation.gauss_newton import LARGEST_BOX, NOISE, best_step, gauss_newton, met
 from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.misfit import Objective
 from inversion.estimation.search import Evaluation, Linearised, Search, SearchResult
@@ -57,6 +57,8 @@ AROUND_RATIO, AROUND_MOST = 1.25, 24
 PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
 #: The places move with the bottom, so often at most.
 MOST_MOVES = 3
+#: Runs between two on either side of the data, at most; how far from either end at least.
+MOST_BETWEEN, INSIDE = 8, (0.1, 0.9)
 #: Runs without which the functions are not known.
 LEAST_RUNS = 5
 
@@ -125,12 +127,71 @@ def _searched(search: Search, first: Linearised, method: Method) -> SearchResult
     fails in a ripple of the loss. It then starts once more from there, with no memory of curvature.
     """
     found = METHODS[method](search, first)
-    if method != "lbfgsb" or found.best is first or found.reached or search.exhausted:
+    if method == "gauss_newton":
+        return between(search, found)
+    if found.best is first or found.reached or search.exhausted:
         return found
     if _promise(search, found.best) < LEAST_PROMISE:
         return found
     search.start_again()
     return METHODS[method](search, found.best)
+
+
+def between(search: Search, found: SearchResult) -> SearchResult:
+    """A search of runouts that ended in noise goes on between runs on either side of the data.
+
+    Of a far, thin flow a derivative may have the wrong sign, and steps become small where nothing
+    fits. Two runs between which the data lie need none (regula falsi). Without a run on the other
+    side, or with a loss that is no runout, the search stays as it ended.
+    """
+    objective, parameters = search.objective, search.objective.parameters
+    if objective.loss != "runout" or found.reached or found.words != NOISE:
+        return found
+    best: Evaluation = found.best
+    here, there = best, _beyond(search, best)
+    for _ in range(MOST_BETWEEN):
+        if there is None or search.exhausted:
+            break
+        ends = [parameters.to_fitted(one.values) for one in (here, there)]
+        off = objective.difference(here.prediction)
+        away = off @ (off - objective.difference(there.prediction))
+        share = float(np.clip(off @ off / away, *INSIDE))
+        values = parameters.to_values(ends[0] + share * (ends[1] - ends[0]))
+        (prediction,) = search.predict([values])
+        trial = search.record(values, "scan", found.iterations, prediction)
+        if not np.isfinite(trial.loss):
+            break
+        if off @ objective.difference(prediction) > 0.0:
+            here = trial
+        else:
+            there = trial
+        if trial.loss < best.loss:
+            best = trial
+        if best.loss < objective.tolerance or met(search, best):
+            break
+    if best is found.best:
+        return replace(found, runs=search.runs)
+    last = search.evaluate(best.values, "gauss_newton", found.iterations + 1)
+    reached = last.loss < objective.tolerance
+    words = f"loss {last.loss:.2g} below the tolerance {objective.tolerance:g}" * reached
+    words = words or met(search, last)
+    return replace(found, best=last, reached=bool(words), words=words or NOISE, runs=search.runs)
+
+
+def _beyond(search: Search, best: Evaluation) -> Evaluation | None:
+    """The nearest run on the other side of the data."""
+    objective, to_fitted = search.objective, search.objective.parameters.to_fitted
+    off, here = objective.difference(best.prediction), to_fitted(best.values)
+    beyond = [
+        one
+        for one in search.evaluations
+        if np.isfinite(one.loss) and off @ objective.difference(one.prediction) < 0.0
+    ]
+
+    def apart(one: Evaluation) -> float:
+        return float(np.abs(to_fitted(one.values) - here).max())
+
+    return smallest(beyond, apart) if beyond else None
 
 
 def _polished(search: Search, found: SearchResult, engine: Forward) -> SearchResult:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from inversion.estimation.search import Linearised, Search, SearchResult
+from inversion.estimation.search import Evaluation, Linearised, Search, SearchResult
 from pipeline.cli import WorkFailed
 
 #: First, smallest and largest half-width of the box, in scaled parameters.
@@ -110,11 +110,18 @@ def gauss_newton(search: Search, first: Linearised) -> SearchResult:
     reached = best.loss < objective.tolerance
     if objective.loss == "misfit":
         reached = words.startswith(LEAST)
-    if not reached and words == NOISE and (off := objective.farthest_off(best.prediction)) < MET:
-        # Far, thin flows are noisy: what meets the data well within their errors is an answer.
-        reached = True
-        words = f"the data are met within {off:.2g} of their standard deviations; {NOISE}"
+    if not reached and words == NOISE and met(search, best):
+        reached, words = True, met(search, best)
     return SearchResult(best, reached, words, search.evaluations, search.runs)
+
+
+def met(search: Search, evaluation: Evaluation) -> str:
+    """How well an evaluation meets the data within their errors; "": it does not.
+
+    Far, thin flows are noisy: what meets the data well within their errors is an answer.
+    """
+    off = search.objective.farthest_off(evaluation.prediction)
+    return f"the data are met within {off:.2g} of their standard deviations; {NOISE}" * (off < MET)
 
 
 def taught_by(

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from inversion.back_analysis.result_builder import unknown_derivatives
-from inversion.estimation.calibrate import calibrate, further_starts
+from inversion.estimation.calibrate import between, calibrate, further_starts
 from inversion.estimation.data import make_targets
 from inversion.estimation.derivatives import FiniteSteps, noise_of
 from inversion.estimation.forward import Prediction
-from inversion.estimation.gauss_newton import gauss_newton
+from inversion.estimation.gauss_newton import NOISE, gauss_newton
 from inversion.estimation.lbfgsb import lbfgsb, value_and_gradient
 from inversion.estimation.misfit import Objective
-from inversion.estimation.search import Search
+from inversion.estimation.search import Search, SearchResult
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Prior
 from pipeline.cli import WorkFailed
@@ -219,6 +219,26 @@ def test_noise_well_below_the_errors_of_the_data_is_no_misfit(std, fits):
     found = gauss_newton(search, first)
     assert found.reached is fits and abs(found.best.prediction.values[0] - 53.75) < 2.5
     assert found.words.startswith("the data are met within 0.1") is fits
+
+
+def test_a_derivative_of_the_wrong_sign_does_not_end_a_search_between_two_runs():
+    """A toe with ripples as steep as its slope, as of a far, thin flow; 97 m lie between two."""
+
+    def rippled(values):
+        log = np.log(values[0])
+        return np.array([100.0 - 60.0 * (log - np.log(1.7)) + 10.0 * np.sin(15.0 * log + 1.5)])
+
+    search = problem(
+        [strength("a", start=4.5, low=0.2, high=90.0)], rippled, targets(97.0, std=1.5)
+    )
+    here = search.evaluate(np.array([2.27]), "start", 0)
+    ended = SearchResult(here, False, NOISE, search.evaluations, search.runs)
+    assert between(search, ended) == ended  # no run on the other side
+    search.evaluate(np.array([1.5]), "gauss_newton", 1)
+    found = between(search, ended)
+    assert found.reached and abs(found.best.prediction.values[0] - 97.0) < 0.75
+    assert found.words.startswith("loss 0.0") and found.runs - ended.runs < 15
+    assert found.best.derivative.shape == (1, 1)
 
 
 @pytest.mark.parametrize("method", METHODS)
