@@ -612,13 +612,12 @@ class BackAnalysis:
         noise_std = dict(self.noise.answer_std) if self.noise else self._noise_by_slope()
         changes = dict(self.ratio_changes)
         if noise_std:
-            sigma = dict(
-                zip(case.parameters.names, found.best.prediction.sigma_v0_kpa, strict=True)
-            )
+            stress = found.best.prediction.sigma_v0_kpa
+            per = dict(zip(case.parameters.names, case.parameters.per_ratio(stress), strict=True))
             changes[result_builder.NOISE_SOURCE] = {
-                name: noise_std[name] / sigma[name]
+                name: noise_std[name] / per[name]
                 for name in result_builder.ratios(
-                    found.best.prediction, found.values, case.parameters.names
+                    found.best.prediction, found.values, case.parameters
                 )
             }
         answer = result_builder.answer(

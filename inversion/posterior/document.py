@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role
@@ -54,13 +54,25 @@ class UnknownAnswer(StrictDocument):
     after: Spread
     ratio: Spread | None = Field(
         description="of a residual strength: divided by the vertical effective stress before "
-        "failure, mean over its zones; else null"
+        "failure, mean over its zones; of a strength_ratio itself; else null"
+    )
+    strength_kpa: Spread | None = Field(
+        None,
+        description="of a strength_ratio: the mean S_r over its zones that it means; else left out",
     )
     narrowed: float = Field(description="1 - (std after / std before)^2; 0: the data say nothing")
     sobol: list[SobolShare] = Field(
         description="of a parameter: shares of the variance of its logarithm (an angle's: of "
         "itself), the largest total first"
     )
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What belongs to strength ratios alone is written with them alone."""
+        document = write(self)
+        if self.strength_kpa is None:
+            document.pop("strength_kpa", None)
+        return document
 
 
 class PredictedNumber(StrictDocument):
