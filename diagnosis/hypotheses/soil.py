@@ -81,7 +81,7 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
     It is called after its material, or the sensitivity that lists it (`of`).
     """
     word, unit = WORDS[key]
-    name = slug(of) if word in slug(of) else f"{word}_of_{slug(of)}"
+    name = slug(of) if slug(word) in slug(of) else f"{slug(word)}_of_{slug(of)}"
     values = [
         getattr(scene.materials[zone.material], key) for zone in scene.zones if zone.name in zones
     ]
