@@ -16,6 +16,7 @@ from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.hand_checks import ratio_check
 from inversion.back_analysis.result import load_result
 from inversion.back_analysis.variants import sides
+from inversion.catalogue.catalogue import answers_of
 from inversion.classical.section import section_of
 from inversion.classical.slices import slice_at
 from inversion.engines.mpm_engine import MPMEngine
@@ -152,6 +153,15 @@ def test_the_summary_states_the_ratio_and_the_mean_strength(twin):
     assert "A strength ratio gives each point the ratio times its own" in said
     low, high = found.interval_95
     assert f"{low:.3f} to {high:.3f}" in said and "kPa." not in said.split("95 % range")[1][:60]
+
+
+def test_the_catalogue_compares_the_mean_strength(twin):
+    _, result, _ = twin
+    (found,) = result.answer.parameters
+    (ours,) = answers_of(result.model_dump(mode="json"))
+    assert ours.s_r_kpa == pytest.approx(found.strength_kpa)
+    assert ours.std_kpa == pytest.approx(found.strength_std_kpa)
+    assert (ours.ratio, ours.ratio_std) == (found.ratio, found.ratio_std)
 
 
 def test_both_readings_of_an_s_r_leave_the_mean(tmp_path):
