@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from inversion.back_analysis.result_checks import check_whole
 from inversion.engines.small_cells import SmallCells
@@ -87,20 +87,11 @@ class ParameterAnswer(StrictDocument):
     strength_kpa: float | None = Field(
         None,
         description="of a strength_ratio: the mean S_r over its zones that it means, value x "
-        "sigma_v0_kpa; left out: no strength_ratio",
+        "sigma_v0_kpa; null: no strength_ratio",
     )
     strength_std_kpa: float | None = Field(
-        None, description="its standard deviation, std_total x sigma_v0_kpa; left out with it"
+        None, description="its standard deviation, std_total x sigma_v0_kpa"
     )
-
-    @model_serializer(mode="wrap")
-    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """What belongs to strength ratios alone is written with them alone."""
-        document = write(self)
-        for name in ("strength_kpa", "strength_std_kpa"):
-            if getattr(self, name) is None:
-                document.pop(name, None)
-        return document
 
     @builtins.property  # the field of that name hides it here
     def as_run(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role
@@ -58,21 +58,13 @@ class UnknownAnswer(StrictDocument):
     )
     strength_kpa: Spread | None = Field(
         None,
-        description="of a strength_ratio: the mean S_r over its zones that it means; else left out",
+        description="of a strength_ratio: the mean S_r over its zones that it means; else null",
     )
     narrowed: float = Field(description="1 - (std after / std before)^2; 0: the data say nothing")
     sobol: list[SobolShare] = Field(
         description="of a parameter: shares of the variance of its logarithm (an angle's: of "
         "itself), the largest total first"
     )
-
-    @model_serializer(mode="wrap")
-    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """What belongs to strength ratios alone is written with them alone."""
-        document = write(self)
-        if self.strength_kpa is None:
-            document.pop("strength_kpa", None)
-        return document
 
 
 class PredictedNumber(StrictDocument):

@@ -11,12 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    Field,
-    SerializerFunctionWrapHandler,
-    model_serializer,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
 from geometry.scenes.limits import check_density, check_level
 from geometry.scenes.scene import (
@@ -160,14 +155,6 @@ class ParameterSpec(Document):
     low: float = Field(description="lower bound")
     high: float = Field(description="upper bound")
     prior: Prior | None = Field(None, description="knowledge in addition to the bounds; null: none")
-
-    @model_serializer(mode="wrap")
-    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """No floor is not written, since it belongs to strength ratios alone."""
-        document = write(self)
-        if self.floor_kpa is None:
-            document.pop("floor_kpa", None)
-        return document
 
     @model_validator(mode="after")
     def _in_order(self) -> ParameterSpec:

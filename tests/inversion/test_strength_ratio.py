@@ -82,7 +82,6 @@ def test_a_value_sets_the_ratio_and_the_floor_of_its_zones_alone(case):
 def test_the_floor_can_be_asked_for(tmp_path):
     own = case_of(asked(tmp_path / "dam", parameters=parameter(floor_kpa=3.0)))
     assert soil_of(own.setup.scene_at(np.array([0.12])), "1").cohesion_kpa == 3.0
-    assert "floor_kpa" not in case_of(asked(tmp_path / "other")).question.model_dump_json()
 
 
 def test_a_strength_replaces_a_ratio(case):
