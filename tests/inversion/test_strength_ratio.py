@@ -30,6 +30,7 @@ from inversion.problem.question import (
     load_question,
 )
 from inversion.problem.scene_changes import with_properties
+from inversion.problem.state import state
 from pipeline.cli import InputError
 from tests.dams import dam_with_pool
 
@@ -249,6 +250,18 @@ def test_learned_models_have_never_seen_it(case):
     for refuse in (check_known, lambda one: start_of(one, case.setup.settings)):
         with pytest.raises(InputError, match="never seen strength that grows with depth"):
             refuse(scene)
+
+
+def test_a_diagnosis_leaves_out_what_a_ratio_rules_out(case):
+    from diagnosis.hypotheses.engine_model import EngineModel
+
+    model = EngineModel(case.setup, RunStore(None))
+    names = {candidate.name for candidate in model.candidates}
+    for name in ("overburden_strength", "sudden_start"):
+        assert name not in names and "strength" in model.left_out[name]
+    assert {"spatial_variability", "strain_softening", "k0"} & names
+    there = model.setup_of(state((0.12,), {"strain_softening": 1.0})).scene
+    assert soil_of(there, "1").strength_ratio == 0.12 and "strain_softening" in there.effects
 
 
 def test_slices_have_the_strength_at_their_depth():
