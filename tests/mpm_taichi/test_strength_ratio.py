@@ -10,6 +10,7 @@ import pytest
 from benchmarks.verification.three_dimensions import slab_scene
 from geometry.scenes.scene import Scene, scene_from_mapping, scene_hash
 from mpm_taichi import layout
+from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_key
 from mpm_taichi.effects import effects_on
 from mpm_taichi.effects.framework.registry import kernel_effects
@@ -220,3 +221,13 @@ def test_a_checkpoint_of_a_ratio_goes_on_to_the_same_bits(tmp_path, monkeypatch)
     other = bank_3d({"cohesion_kpa": 1.0, "strength_ratio": 2 * RATIO})
     flights = [Flight3d(one, settings)._hash() for one in (problem, other, replace(problem))]
     assert flights[0] != flights[1] and flights[0] == flights[2]
+
+
+def test_both_schedules_agree(monkeypatch):
+    """Scenes side by side as on a graphics card, and one after the other."""
+    scene = with_ratio(0.08)
+    (by_scene,) = simulate([scene], SHORT, threads=1)
+    monkeypatch.setitem(simulation.SCHEDULES, "cpu", "point")
+    (by_point,) = simulate([scene], SHORT, threads=1)
+    assert by_point.status == "finished"
+    assert np.abs(by_scene.positions - by_point.positions).max() < 0.01
