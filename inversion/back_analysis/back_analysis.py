@@ -544,10 +544,13 @@ class BackAnalysis:
         self.sensitivities.append(found)
         if found.kind != "target":
             self.ratio_changes[name] = ratio_change(found)
-        first = self.case.parameters.names[0]
+        spec = self.case.parameters.specs[0]
+        first, places = spec.name, 2 if spec.unit else 4
         self.say(
             f"{name}: "
-            + ", ".join(f"{side.words}: {first} {side.change[first]:+.2f}" for side in found.sides)
+            + ", ".join(
+                f"{side.words}: {first} {side.change[first]:+.{places}f}" for side in found.sides
+            )
         )
 
     def solve_waterfall(self) -> None:

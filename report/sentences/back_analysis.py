@@ -457,13 +457,11 @@ def waterfall_sentence(data: BackAnalysisData) -> str:
     if found.stated is not None:
         bars = [(found.stated.name, found.stated.value), *bars]
     (p,) = [p for p in data.result.answer.parameters if p.name == found.parameter]
-    unit = unit_of(p.unit)
+    unit, places = f" {unit_of(p.unit)}" if p.unit else "", places_of(p.unit)
     changes = [
         (after - before, name) for (_, before), (name, after) in zip(bars, bars[1:], strict=False)
     ]
     most = ranked(changes, lambda one: abs(one[0]))[:3]
-    listed = ", ".join(f"{name} ({change:+.1f})" for change, name in most)
-    return (
-        f"{p.label}: from {bars[0][1]:.1f} {unit} ({bars[0][0]}) to {bars[-1][1]:.1f} {unit}. "
-        f"The largest changes: {listed}."
-    )
+    listed = ", ".join(f"{name} ({change:+.{places}f})" for change, name in most)
+    first, last = (f"{value:.{places}f}{unit}" for value in (bars[0][1], bars[-1][1]))
+    return f"{p.label}: from {first} ({bars[0][0]}) to {last}. The largest changes: {listed}."
