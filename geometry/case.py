@@ -149,7 +149,8 @@ class Case:
 
         Args:
             water: False takes the reservoir and the groundwater away.
-            strengths: material -> cohesion, which is S_r where it liquefied [kPa].
+            strengths: material -> cohesion, which is S_r where it liquefied [kPa]; it replaces a
+                strength ratio.
 
         Raises:
             InputError: there is no such material, or the section does not hold together; one line.
@@ -164,6 +165,7 @@ class Case:
                     f"strengths: {self.drawn.name} has no material {name!r}; it has {known}"
                 )
             document["materials"][name]["cohesion_kpa"] = cohesion
+            document["materials"][name].pop("strength_ratio", None)
         scene = scene_from_mapping(document, f"{self.folder / SCENE_FILE} with the options given")
         return replace(self, scene=scene)
 

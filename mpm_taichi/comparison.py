@@ -238,6 +238,8 @@ def heading(case: Case, run: Run) -> str:
 
 def _strength(material: Material) -> str:
     """S_r, or phi and c, in plain characters."""
+    if material.strength_ratio is not None:
+        return f"S_r/sigma'_v0 {material.strength_ratio:g}"
     if material.friction_deg == 0:
         return f"S_r {material.cohesion_kpa:g} kPa"
     return f"phi {material.friction_deg:g} deg, c {material.cohesion_kpa:g} kPa"

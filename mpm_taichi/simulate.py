@@ -11,7 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from mpm_taichi import layout
-from mpm_taichi.effects.framework.registry import effects_on, kernel_effects
+from mpm_taichi.effects.framework.registry import (
+    effects_on,
+    has_strength_ratio,
+    kernel_effects,
+)
 from mpm_taichi.flight import CHUNK, Flight
 from mpm_taichi.materials.registry import law_of
 from mpm_taichi.solver.initial_state import prepare
@@ -89,7 +93,7 @@ def simulate_each(
     groups: dict[tuple, list[tuple[int, Wanted]]] = {}
     for place, (scene, settings) in enumerate(wanted):
         law = law_of(scene)
-        check_scene(scene, law)
+        check_scene(scene, law, settings)
         needed = (
             settings.transfer in ("affine_flip", "apic"),
             settings.volumetric_averaging,
@@ -170,8 +174,19 @@ def _simulate_group(
                 del flying[slot]
 
 
-def check_scene(scene: Scene, law: MaterialLaw) -> None:
+def check_scene(scene: Scene, law: MaterialLaw, settings: SimulationSettings) -> None:
     """Refuse what a scene may say but the solver cannot do; one line for a person."""
+    if has_strength_ratio(scene):
+        if law.strength_constants is None:
+            raise InputError(
+                f"{scene.name}: materials: strength_ratio: changes the strength, which the "
+                f"material law {law.name!r} does not provide for"
+            )
+        if settings.initial_stress == "gravity_on":
+            raise InputError(
+                f"{scene.name}: materials: strength_ratio: is of the stress before failure, which "
+                "initial_stress 'gravity_on' leaves out; allowed are settled, k0"
+            )
     for one in effects_on(scene):
         if one.effect.strength is not None and law.strength_constants is None:
             raise InputError(

@@ -84,6 +84,13 @@ def simulate_3d(
 def refuse_problem(problem: Problem3d, settings: SimulationSettings) -> None:
     """Refuse what three dimensions do not have, or points outside the domain, in one line."""
     refuse_settings(settings)
+    if settings.initial_stress == "gravity_on" and any(
+        soil.strength_ratio is not None for soil in problem.materials
+    ):
+        raise InputError(
+            f"{problem.name}: materials: strength_ratio: is of the stress before failure, which "
+            "initial_stress 'gravity_on' leaves out; allowed are settled, k0"
+        )
     sloping = problem.water is not None and np.ptp(problem.water.values) > 0.0
     if sloping and settings.water == "pore_pressure" and settings.water_face == "moving":
         raise InputError(
@@ -183,11 +190,17 @@ class Flight3d:
                     if self.unbalanced <= SETTLE_TOLERANCE:
                         break
         self.initial_stress = state.in_given_order(state.stress)
+        self._lay_strength_ratios()
         for name in ("gradient", "history", "cell_sum", "cell_mean", "velocity", "column_sums"):
             getattr(state, name)[:] = 0.0
         self._note_sums()
         self.speed = float(np.sqrt(state.block_sums[:, 3].max()))
         self.peak = self.energies[0][0]
+
+    def _lay_strength_ratios(self) -> None:
+        """Strength of soil with a strength ratio, from the stress before failure."""
+        self.state.lay_strength_ratios(-self.initial_stress[:, layout.ZZ])
+        self.arrays = self.state.arrays()
 
     def _note_sums(self) -> None:
         state = self.state
@@ -289,6 +302,8 @@ class Flight3d:
         digest = hashlib.sha256(f"{PHYSICS_VERSION} {self.settings.model_dump_json()}".encode())
         for name in CARRIED + FIXED:
             digest.update(getattr(self.state, name))
+        if self.state.ratios.any():
+            digest.update(self.state.ratios)
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:
@@ -327,6 +342,7 @@ class Flight3d:
             self.energies = file["energies"].tolist()
             self.work, self.top_speed = file["work"], file["top_speed"]
             self.initial_stress = file["initial_stress"]
+            self._lay_strength_ratios()
             for name, value in json.loads(str(file["plain"])).items():
                 setattr(self, name, value)
 

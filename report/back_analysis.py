@@ -62,7 +62,7 @@ def summary(data: BackAnalysisData) -> str:
     )
     if doubt := words.doubted(data):
         heading = f"{plain(doubt)}\n{heading}"
-    strengths = data.strengths or answer.parameters
+    strengths = data.answers
     lines = [m for m in result.measurements if m.role != "constructed"]
     counts = Counter(m.group for m in lines)
     maps = {name for name, count in counts.items() if count > MANY}

@@ -91,9 +91,14 @@ def limited(value: float | None, censored: bool) -> str | None:
     return f"< {fixed(value)}" if censored else fixed(value)
 
 
-def span(low: float | None, high: float | None) -> str | None:
+def span(low: float | None, high: float | None, places: int = 1) -> str | None:
     """A range; None where it has no ends."""
-    return None if low is None or high is None else f"{fixed(low)} to {fixed(high)}"
+    return None if low is None or high is None else f"{fixed(low, places)} to {fixed(high, places)}"
+
+
+def places_of(unit: str) -> int:
+    """Decimal places of an unknown's value: one, and three of a ratio, which has no unit."""
+    return 1 if unit else 3
 
 
 def plural(count: int, noun: str) -> str:

@@ -73,7 +73,11 @@ def answer_sentence(document: PosteriorDocument) -> str:
     for one in document.parameters:
         low, high = one.after.interval_95
         ratio = ""
-        if one.ratio is not None:
+        if one.strength_kpa is not None:
+            lower, upper = one.strength_kpa.interval_95
+            mean = number(one.strength_kpa.median)
+            ratio = f" (mean S_r {mean} kPa, {number(lower)} to {number(upper)})"
+        elif one.ratio is not None:
             lower, upper = one.ratio.interval_95
             ratio = f" (S_r/σ'_v0 = {one.ratio.median:.3f}, {lower:.3f} to {upper:.3f})"
         value = with_unit(one.after.median, one.unit)

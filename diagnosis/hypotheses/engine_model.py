@@ -96,9 +96,9 @@ class EngineModel:
         self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
         doubted, certain = assumptions_of(setup, sensitivities, self.engine, dear=finite_width)
         self._assumptions = {one.candidate.name: one for one in doubted}
-        physics, idle = acting_candidates(
-            setup.scene, self.numbers, duration=setup.settings.duration_s
-        )
+        # Effects must see that a strength is asked for as a ratio.
+        base = setup.scene_at(setup.parameters.start) if setup.has_strength_ratio else setup.scene
+        physics, idle = acting_candidates(base, self.numbers, duration=setup.settings.duration_s)
         if not self.engine.effects:
             idle |= {one.name: f"{self.engine.description} has no such effect" for one in physics}
             physics = []

@@ -1,8 +1,8 @@
 """The other soils on trial: what is not calibrated was assumed.
 
-Strength, friction, density and stiffness of every material that no parameter has. How far each may
-be off is what the question lists among its sensitivities, else a quarter of a strength, 2 degrees,
-5 % of a density, a factor of 3 in stiffness, each one standard deviation.
+Strength or strength ratio, friction, density and stiffness of every material that no parameter has.
+How far each may be off is what the question lists among its sensitivities, else a quarter of a
+strength, 2 degrees, 5 % of a density, a factor of 3 in stiffness, each one standard deviation.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Material, Scene
 from inversion.back_analysis.deviations import property_changes, with_changes
 from inversion.estimation.forward import SectionSetup
-from inversion.problem.question import FixedProperty, material_key
+from inversion.problem.question import FixedProperty, calibrated_keys, material_key
 
 #: One standard deviation where nothing is known: as shares of the value, and as it is.
-SHARES = {"cohesion_kpa": 0.25, "density": 0.05}
+SHARES = {"cohesion_kpa": 0.25, "strength_ratio": 0.25, "density": 0.05}
 FRICTION_STD_DEG = 2.0
 #: Of the logarithm of stiffness.
 STIFFNESS_STD = math.log(3.0)
 #: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
 RUNGS = (0.5, 1.0, 2.5)
 
+NOT_BELOW_NOTHING = ("cohesion_kpa", "strength_ratio", "friction_deg")
 WORDS = {
     "cohesion_kpa": ("strength", "kPa"),
+    "strength_ratio": ("strength ratio", ""),
     "friction_deg": ("friction", "deg"),
     "density": ("density", "kg/m3"),
     "youngs_modulus_mpa": ("stiffness", "ln ratio"),
@@ -41,11 +43,7 @@ WORDS = {
 def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """Properties that are not calibrated, by material, and by what the sensitivities list."""
     scene = setup.scene
-    calibrated = {
-        (zone, material_key(spec.property))
-        for spec in setup.parameters.specs
-        for zone in spec.zones
-    }
+    calibrated = calibrated_keys(setup.parameters.specs)
     found, stated = [], set()
     for one in sensitivities:
         if isinstance(one, FixedProperty):
@@ -68,8 +66,10 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
 
 def default_std(soil: Material, key: str) -> float:
     """How far a property may be off where nothing is known of it, in the amplitude's unit."""
+    if key == "cohesion_kpa" and soil.strength_ratio is not None:
+        return 0.0  # the least strength of a point, which hardly any has
     if key in SHARES:
-        return SHARES[key] * getattr(soil, key)
+        return SHARES[key] * (getattr(soil, key) or 0.0)
     if key == "friction_deg":
         return FRICTION_STD_DEG if soil.friction_deg > 0.0 else 0.0
     return STIFFNESS_STD
@@ -81,12 +81,12 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
     It is called after its material, or the sensitivity that lists it (`of`).
     """
     word, unit = WORDS[key]
-    name = slug(of) if word in slug(of) else f"{word}_of_{slug(of)}"
+    name = slug(of) if slug(word) in slug(of) else f"{slug(word)}_of_{slug(of)}"
     values = [
         getattr(scene.materials[zone.material], key) for zone in scene.zones if zone.name in zones
     ]
     # No soil has less than no strength.
-    lowest = -min(values) if key in ("cohesion_kpa", "friction_deg") else -math.inf
+    lowest = -min(values) if key in NOT_BELOW_NOTHING else -math.inf
     rungs = [sign * rung * std for sign in (-1.0, 1.0) for rung in RUNGS]
     ladder = tuple(sorted({max(rung, lowest) for rung in rungs} - {0.0}))
     where = f"zone{'s' if len(zones) > 1 else ''} {', '.join(zones)}"

@@ -40,8 +40,12 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
         words = "the section had settled before it slid"
         found.append(_start(SETTLED, words, "settled"))
     if own != "gravity_on":
-        words = "the section had not settled: its weight came on all at once"
-        found += [_start(SUDDEN, words, "gravity_on"), _ratio(setup)]
+        if setup.has_strength_ratio:
+            left_out[SUDDEN] = "a strength ratio is of the stress before failure, which it lacks"
+        else:
+            words = "the section had not settled: its weight came on all at once"
+            found.append(_start(SUDDEN, words, "gravity_on"))
+        found.append(_ratio(setup))
     else:
         left_out[RATIO] = "gravity comes on at once: there is no stress before"
     zones = liquefied_zones(setup.scene)

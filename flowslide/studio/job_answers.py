@@ -19,14 +19,15 @@ from inversion.back_analysis.implied_strengths import (
 )
 from inversion.back_analysis.result import ParameterAnswer, Result
 from inversion.posterior.document import PosteriorDocument
+from inversion.problem.question import STRENGTHS as ALL_STRENGTHS
 from mpm_taichi.readings3d import named
 from pipeline.ties import ranked
 from report import classical as classical_report
 from report import from_blow_counts as blow_counts_report
 from report import prediction as prediction_report
-from report.numbers import at_least, fixed, span, unit_of, with_unit
+from report.numbers import at_least, fixed, places_of, span, unit_of, with_unit
 from report.posterior import answer_sentence
-from report.sentences.back_analysis import answer_words
+from report.sentences.back_analysis import answer_words, meant_words
 from report.sentences.implied_strengths import answer_band, asked_words, how_words
 from report.sentences.small_cells import cells_words
 from report.simulation3d import warning
@@ -168,14 +169,17 @@ def _parameter(p: ParameterAnswer) -> str:
     if p.lower_bound_95 is not None:
         return f"{p.label} {at_least(p.lower_bound_95, p.std_total, p.unit)}: nothing ran"
     doubt = "" if p.determined else "; not determined by the data"
-    return f"{answer_words(p)}, 95 % {span(*p.interval_95)} {unit_of(p.unit)}{doubt}"
+    within = f"{span(*p.interval_95, places_of(p.unit))} {unit_of(p.unit)}".rstrip()
+    meant = "" if p.strength_kpa is None else f"; {meant_words(p)}"
+    return f"{answer_words(p)}, 95 % {within}{meant}{doubt}"
 
 
 def _movers(p: ParameterAnswer) -> str:
     """What adds most to the standard deviation, apart from the survey."""
     largest = ranked(p.std_by_source.items(), lambda pair: pair[1])[:MOST_MOVERS]
-    named = ", ".join(f"{name} (± {fixed(std, 2)})" for name, std in largest if std > 0)
-    return f"moved most by {named} {unit_of(p.unit)}" if named else ""
+    places = places_of(p.unit) + 1
+    named = ", ".join(f"{name} (± {fixed(std, places)})" for name, std in largest if std > 0)
+    return f"moved most by {named} {unit_of(p.unit)}".rstrip() if named else ""
 
 
 def posterior(document: PosteriorDocument) -> Found:
@@ -194,7 +198,7 @@ def posterior(document: PosteriorDocument) -> Found:
         if one.property in STRENGTHS
     ]
     cells = document.small_cells
-    factor = {} if cells is None else dict.fromkeys(STRENGTHS, cells.factor)
+    factor = {} if cells is None else dict.fromkeys(ALL_STRENGTHS, cells.factor)
     values = (
         _value(one.property, one.zones, one.after.median / factor.get(one.property, 1.0))
         for one in document.parameters

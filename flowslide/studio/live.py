@@ -112,6 +112,8 @@ def question(asked: Asked, case: Case) -> Question:
             if material not in document["materials"]:
                 raise InputError(f"{values}: there is no material {material!r}")
             document["materials"][material][key] = value
+            if key == "cohesion_kpa":  # a strength of its own replaces a ratio
+                document["materials"][material].pop("strength_ratio", None)
     if "water_level" in changes.model_fields_set:
         level, moved = changes.water_level, None
         if level is not None:

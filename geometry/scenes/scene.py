@@ -48,6 +48,9 @@ PAGE = "docs/method/geometry.md"
 MOHR_COULOMB = "mohr_coulomb"
 """Material law of a scene that names none."""
 
+MOST_STRENGTH_RATIO = 1.0
+"""Greatest S_r / sigma'_v0 that is accepted; flow slides have 0.05 to 0.12, clay at peak 0.3."""
+
 #: Context of a validation that looks at each field alone.
 UNCHECKED = "each field alone"
 
@@ -104,8 +107,24 @@ class Material(Strength):
     pre_failure: Strength | None = Field(
         None, description="strength while the initial stress settles; null = elastic"
     )
+    strength_ratio: float | None = Field(
+        None,
+        ge=0,
+        le=MOST_STRENGTH_RATIO,
+        description="S_r / sigma'_v0 of a liquefied soil: each point then has the strength ratio x "
+        "its vertical effective stress before failure, at least cohesion_kpa; null = cohesion_kpa "
+        "everywhere",
+    )
     # A note: two scenes that differ in it alone are the same simulation.
     source: str = Field("", exclude=True, description="where the numbers come from; free text")
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """No ratio is not written: soils without one keep their hashes."""
+        document = write(self)
+        if self.strength_ratio is None:
+            document.pop("strength_ratio", None)
+        return document
 
     @property
     def youngs_modulus_pa(self) -> float:
@@ -126,6 +145,14 @@ class Material(Strength):
             raise ValueError(
                 f"saturated_density {self.saturated_density:g} is below density "
                 f"{self.density:g}; water adds weight"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _ratio_of_liquefied_soil(self) -> Material:
+        if self.strength_ratio is not None and not self.liquefied:
+            raise ValueError(
+                "strength_ratio: S_r / sigma'_v0 is of soil that liquefies; give liquefied: true"
             )
         return self
 
@@ -518,7 +545,10 @@ class Scene(Document):
         friction_deg: float | None = None,
         cohesion_kpa: float | None = None,
     ) -> Scene:
-        """Return a checked copy in which one material has another strength."""
+        """Return a checked copy in which one material has another strength.
+
+        A cohesion replaces a strength ratio.
+        """
         if material not in self.materials:
             known = ", ".join(self.materials)
             raise InputError(f"{self.name}: no material {material!r}; known are {known}")
@@ -527,6 +557,7 @@ class Scene(Document):
             document["materials"][material]["friction_deg"] = friction_deg
         if cohesion_kpa is not None:
             document["materials"][material]["cohesion_kpa"] = cohesion_kpa
+            document["materials"][material].pop("strength_ratio", None)
         return Scene.model_validate(document)
 
 

@@ -212,7 +212,8 @@ class Scene3d:
 
         Args:
             water: False takes pool and groundwater away.
-            strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa].
+            strengths_kpa: material -> cohesion, which is S_r where it liquefied [kPa]; it replaces
+                a strength ratio.
 
         Raises:
             InputError: there is no such material, or a strength that cannot be.
@@ -226,6 +227,7 @@ class Scene3d:
                 known = ", ".join(fields["materials"])
                 raise InputError(f"strengths: {self.name} has no material {name!r}; it has {known}")
             fields["materials"][name]["cohesion_kpa"] = cohesion
+            fields["materials"][name].pop("strength_ratio", None)
         return self.with_soil(
             checked_document(type(part), fields, f"{self.name} with the options given", PAGE)
         )

@@ -293,7 +293,7 @@ def _thrusts(scene: Scene, settings: SimulationSettings) -> bool:
 
 
 def check_base_physics(scene: Scene, model: str, *, known: Collection[str] = ()) -> None:
-    """Refuse effects, other material laws and far boundaries, of which no learned model knows.
+    """Refuse effects, strength ratios, other laws and far boundaries: no learned model knows them.
 
     Args:
         scene: the section.
@@ -306,6 +306,11 @@ def check_base_physics(scene: Scene, model: str, *, known: Collection[str] = ())
     if on := [one.effect.name for one in effects_on(scene) if one.effect.name not in known]:
         raise InputError(
             f"{scene.name}: effects: {on[0]} is on; {model} knows the base physics alone"
+        )
+    if any(soil.strength_ratio is not None for soil in scene.materials.values()):
+        raise InputError(
+            f"{scene.name}: materials: strength_ratio: {model} has never seen strength that grows "
+            "with depth; take the material point method (engine mpm)"
         )
     if scene.law != MOHR_COULOMB:
         raise InputError(f"{scene.name}: law: {scene.law}; {model} knows {MOHR_COULOMB} alone")

@@ -544,10 +544,13 @@ class BackAnalysis:
         self.sensitivities.append(found)
         if found.kind != "target":
             self.ratio_changes[name] = ratio_change(found)
-        first = self.case.parameters.names[0]
+        spec = self.case.parameters.specs[0]
+        first, places = spec.name, 2 if spec.unit else 4
         self.say(
             f"{name}: "
-            + ", ".join(f"{side.words}: {first} {side.change[first]:+.2f}" for side in found.sides)
+            + ", ".join(
+                f"{side.words}: {first} {side.change[first]:+.{places}f}" for side in found.sides
+            )
         )
 
     def solve_waterfall(self) -> None:
@@ -612,13 +615,12 @@ class BackAnalysis:
         noise_std = dict(self.noise.answer_std) if self.noise else self._noise_by_slope()
         changes = dict(self.ratio_changes)
         if noise_std:
-            sigma = dict(
-                zip(case.parameters.names, found.best.prediction.sigma_v0_kpa, strict=True)
-            )
+            stress = found.best.prediction.sigma_v0_kpa
+            per = dict(zip(case.parameters.names, case.parameters.per_ratio(stress), strict=True))
             changes[result_builder.NOISE_SOURCE] = {
-                name: noise_std[name] / sigma[name]
+                name: noise_std[name] / per[name]
                 for name in result_builder.ratios(
-                    found.best.prediction, found.values, case.parameters.names
+                    found.best.prediction, found.values, case.parameters
                 )
             }
         answer = result_builder.answer(

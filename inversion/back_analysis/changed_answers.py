@@ -88,7 +88,7 @@ def variant_answer(solved: Solved) -> VariantAnswer:
         spacing_m=prediction.spacing_m,
         values=parameters.as_mapping(best.values),
         coarse_values=None if solved.fine is None else parameters.as_mapping(solved.problem.values),
-        ratios=ratios(prediction, best.values, parameters.names),
+        ratios=ratios(prediction, best.values, parameters),
         loss=best.loss,
         reached=solved.reached,
         predicted=targets.named(prediction.values),
@@ -154,7 +154,8 @@ def _side(solved: Solved, here: Here) -> Side:
     sigma, new_sigma = here.prediction.sigma_v0_kpa, best.prediction.sigma_v0_kpa
     new_sigma = np.where(np.isnan(new_sigma), sigma, new_sigma)  # the engine does not know it
     with np.errstate(invalid="ignore"):
-        change = there / new_sigma - here.values / sigma
+        before = here.values / parameters.per_ratio(sigma)
+        change = there / parameters.per_ratio(new_sigma) - before
     coarse = None if solved.fine is None else solved.problem.refined - here.values
     return Side(
         words=solved.changed.words,

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from inversion.back_analysis.result import Answer, ParameterAnswer, Result, WaterfallBar
+from inversion.back_analysis.result_builder import meant_strength
 from inversion.engines.small_cells import NAME, SmallCells
 from inversion.estimation.unknowns import Parameters
 
@@ -125,6 +126,8 @@ def _parameter(p: ParameterAnswer, factor: float, log_std: float) -> ParameterAn
         name: None if (one := getattr(p, name)) is None else factor * one
         for name in ("std_data", "prior_std", "ratio")
     }
+    if p.strength_kpa is not None and p.sigma_v0_kpa is not None:
+        scaled |= meant_strength(value, total, p.sigma_v0_kpa)
     return p.model_copy(
         update={
             **scaled,

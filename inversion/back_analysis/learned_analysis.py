@@ -31,7 +31,7 @@ from inversion.engines.workers import Job
 from inversion.estimation.forward import Forward, Setup
 from inversion.estimation.misfit import Objective, posterior
 from inversion.estimation.search import SearchResult
-from inversion.problem.question import Variant
+from inversion.problem.question import STRENGTH_RATIO, Variant
 from pipeline.cli import InputError
 
 Found = TypeVar("Found")
@@ -40,7 +40,11 @@ Found = TypeVar("Found")
 #: deviations of the survey]; most times that it is corrected by the difference there.
 CONFIRMED, MOST_MOVES = 0.15, 4
 #: Kinds of sensitivities of which a learned engine knows nothing.
-UNKNOWN_TO_IT = {"time_step": "no time step", "simulation": "no settings of the solver"}
+UNKNOWN_TO_IT = {
+    "time_step": "no time step",
+    "simulation": "no settings of the solver",
+    STRENGTH_RATIO: "never seen strength that grows with depth",
+}
 
 
 @dataclass(kw_only=True)
@@ -212,12 +216,18 @@ class LearnedAnalysis(BackAnalysis):
             job()
 
     def known_variants(self) -> tuple[list[Variant], list[str]]:
-        """Without those that change settings, of which a learned engine has none."""
+        """Without those that change what a learned engine has not seen.
+
+        These are settings of the simulation, and strength that grows with depth.
+        """
         variants = self.case.question.variants
-        reasons = [
-            _left_out(variant.name, "simulation") for variant in variants if variant.simulation
-        ]
-        return [variant for variant in variants if not variant.simulation], reasons
+        unknown = {
+            variant.name: "simulation" if variant.simulation else STRENGTH_RATIO
+            for variant in variants
+            if variant.simulation or variant.property == STRENGTH_RATIO
+        }
+        reasons = [_left_out(name, what) for name, what in unknown.items()]
+        return [variant for variant in variants if variant.name not in unknown], reasons
 
     def known_sensitivities(self) -> tuple[Sides, list[str]]:
         """Without those that change nothing for a learned engine."""

@@ -38,7 +38,7 @@ class ParameterAnswer(StrictDocument):
     label: str = Field(description="in words")
     zones: list[str] = Field(description="zones that share it")
     property: str = Field(description="of inversion.yaml, such as residual_strength_kpa")
-    unit: str = Field(description="kPa, deg, kg/m3 or m")
+    unit: str = Field(description="kPa, deg, kg/m3 or m; empty of a ratio")
     value: float = Field(description="the answer; of a strength in small cells")
     value_of_run: float | None = Field(
         None, description="what its run takes for it; null: `value` itself"
@@ -70,16 +70,27 @@ class ParameterAnswer(StrictDocument):
     )
     has_prior: bool = Field(description="the question gives a prior")
     sigma_v0_kpa: float | None = Field(
-        description="mean vertical effective stress of its zones before failure; null: no strength"
+        description="mean vertical effective stress of its zones before failure: of an S_r by the "
+        "weight above, of a strength_ratio the settled stress of the run; null: no strength"
     )
     sigma_v0_std_kpa: float | None = Field(description="spread of it within the zones")
-    ratio: float | None = Field(description="value / sigma_v0_kpa")
+    ratio: float | None = Field(
+        description="value / sigma_v0_kpa; of a strength_ratio `value` itself"
+    )
     ratio_std: float | None = Field(
         description="standard deviation of the ratio; an assumption that moves both is applied to "
         "both"
     )
     ratio_lower_bound_95: float | None = Field(
         None, description="lower_bound_95 as a ratio, with the standard deviation of the ratio"
+    )
+    strength_kpa: float | None = Field(
+        None,
+        description="of a strength_ratio: the mean S_r over its zones that it means, value x "
+        "sigma_v0_kpa; null: no strength_ratio",
+    )
+    strength_std_kpa: float | None = Field(
+        None, description="its standard deviation, std_total x sigma_v0_kpa"
     )
 
     @builtins.property  # the field of that name hides it here

@@ -36,7 +36,7 @@ from inversion.estimation.misfit import (
 from inversion.estimation.search import Evaluation, SearchResult
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.layers import estimate, layers_of
-from inversion.problem.question import RESIDUAL_STRENGTH
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 from pipeline.config import SimulationSettings
 
 #: Source of the scatter over jitter seeds among the sources of uncertainty.
@@ -45,14 +45,16 @@ NOISE_SOURCE = "place of the material points"
 SURVEY_ERRORS = "the survey's errors"
 
 
-def ratios(prediction: Prediction, values: np.ndarray, names: Sequence[str]) -> dict[str, float]:
-    """Strength / sigma'_v0 by name, for the parameters that are strengths."""
+def ratios(prediction: Prediction, values: np.ndarray, parameters: Parameters) -> dict[str, float]:
+    """Strength / sigma'_v0 by name, for the parameters that are strengths or such ratios."""
     if not len(prediction.sigma_v0_kpa):
         return {}
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = values / prediction.sigma_v0_kpa
+        found = values / parameters.per_ratio(prediction.sigma_v0_kpa)
     return {
-        name: float(ratio) for name, ratio in zip(names, found, strict=True) if np.isfinite(ratio)
+        name: float(ratio)
+        for name, ratio in zip(parameters.names, found, strict=True)
+        if np.isfinite(ratio)
     }
 
 
@@ -300,18 +302,22 @@ def _parameters(
 ) -> list[ParameterAnswer]:
     parameters = case.parameters
     prediction = found.best.prediction
-    ratio = ratios(prediction, found.values, parameters.names)
+    ratio = ratios(prediction, found.values, parameters)
+    per = parameters.per_ratio(prediction.sigma_v0_kpa) if ratio else np.array([])
     before = parameters.prior_std * np.where(parameters.logarithmic, found.values, 1.0)
     good = np.array([found.values, *[stop.values for stop in stops]])
     lines = []
     for place, spec in enumerate(parameters.specs):
         sigma = sigma_std = ratio_std = bound = ratio_bound = None
+        strength: dict[str, float] = {}
         if spec.name in ratio:
             sigma = float(prediction.sigma_v0_kpa[place])
             sigma_std = float(prediction.sigma_v0_std_kpa[place])
-            own = spread.std[place] / sigma
+            own = spread.std[place] / per[place]
             changes = [change.get(spec.name, 0.0) for change in ratio_changes.values()]
             ratio_std = float(np.sqrt(own**2 + sum(c**2 for c in changes)))
+            if spec.property == STRENGTH_RATIO:
+                strength = meant_strength(float(found.values[place]), float(total[place]), sigma)
         if limit and parameters.strengths[place]:
             bound = lower_bound(float(found.values[place]), float(total[place]))
             intervals[place] = (max(bound, spec.low), spec.high)
@@ -345,9 +351,21 @@ def _parameters(
                 ratio_std=ratio_std,
                 lower_bound_95=bound,
                 ratio_lower_bound_95=ratio_bound,
+                **strength,
             )
         )
     return lines
+
+
+def meant_strength(ratio: float, std: float, sigma_v0_kpa: float) -> dict[str, float]:
+    """The mean S_r that a strength ratio means, as the fields of a `ParameterAnswer`.
+
+    Args:
+        ratio: S_r / sigma'_v0.
+        std: its standard deviation.
+        sigma_v0_kpa: mean over the zones [kPa].
+    """
+    return {"strength_kpa": ratio * sigma_v0_kpa, "strength_std_kpa": std * sigma_v0_kpa}
 
 
 def compared_relations(case: InversionCase) -> list[RelationAnswer]:

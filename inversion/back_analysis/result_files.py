@@ -197,6 +197,11 @@ def _other(result: Result, folder: Path, name: str) -> Result | None:
         found.engine == name
         and found.case == result.case
         and found.measurement_set == result.measurement_set
-        and [p.name for p in found.answer.parameters] == [p.name for p in result.answer.parameters]
+        and _asked_of(found) == _asked_of(result)
     )
     return found if same else None
+
+
+def _asked_of(result: Result) -> list[tuple[str, str]]:
+    """Names and units of the unknowns: a strength is not compared with a strength ratio."""
+    return [(p.name, p.unit) for p in result.answer.parameters]

@@ -12,7 +12,9 @@ from typing import Any, Generic
 
 import numpy as np
 
-from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.scenes.fill import fill
+from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
+from geometry.scenes.scene import MOST_STRENGTH_RATIO, Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import Scene3d, Terrain
 from inversion.back_analysis.deviations import (
     LEFT_OUT,
@@ -27,20 +29,33 @@ from inversion.estimation.forward import SectionSetup, Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
 from inversion.problem.question import (
+    RESIDUAL_STRENGTH,
+    STRENGTH_RATIO,
+    STRENGTHS,
     CellSize,
     FixedProperty,
     OtherSetting,
+    ParameterSpec,
+    ReadOtherwise,
     Sensitivity,
     Target,
     TimeStep,
     Variant,
     WaterLevel,
     ZoneBoundary,
+    calibrated_keys,
     material_key,
+    material_keys,
 )
 from inversion.problem.scene_changes import pool_at
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
+
+READ_AS = {
+    RESIDUAL_STRENGTH: "one strength everywhere in its zones",
+    STRENGTH_RATIO: "strength in proportion to the stress before failure",
+}
+"""How the unknown strengths are read, in words."""
 
 #: What a reading of a section may change, and one of a body may not.
 OF_SECTIONS = ("zones", "pool_level_m", "water", "contact", "properties")
@@ -68,6 +83,9 @@ def vary(
     where = f"{source}: variants: {variant.name}"
     changed = apply_changes(setup, variant, where)
     words = [changed.words] if changed.words else []
+    if variant.property is not None:
+        changed = Changed(read_as(changed.setup, variant.property, where), changed.words)
+        words.append(READ_AS[variant.property])
     if variant.measurements is not None:
         words.append(f"measurements {variant.measurements!r}")
     if variant.fit is not None:
@@ -80,6 +98,55 @@ def vary(
             raise InputError(f"{where}: {error}") from None
         words += [f"{name} {value:g}" for name, value in variant.targets.items()]
     return Changed(replace(changed.setup, targets=targets), ", ".join(words))
+
+
+def read_as(setup: AnySetup, asked: str, where: str) -> AnySetup:
+    """A setup whose unknown strengths are one S_r everywhere, or a strength ratio.
+
+    Values and bounds stay in the unit of the question; they are turned by the mean vertical
+    effective stress of the parameter's zones, by the weight above.
+
+    Args:
+        setup: of the question, with the other changes of the variant.
+        asked: residual_strength_kpa or strength_ratio.
+        where: begins messages.
+
+    Raises:
+        InputError: no unknown strength is read otherwise, a zone does not liquefy, a bound is too
+            high for a ratio, or three dimensions.
+    """
+    if not isinstance(setup, SectionSetup):
+        raise InputError(f"{where}: property: {LEFT_OUT}")
+    specs = list(setup.parameters.specs)
+    other = RESIDUAL_STRENGTH if asked == STRENGTH_RATIO else STRENGTH_RATIO
+    places = [place for place, spec in enumerate(specs) if spec.property == other]
+    if not places:
+        raise InputError(f"{where}: property: {asked}: the question asks for no {other}")
+    for place in places:
+        specs[place] = _read_otherwise(setup, specs[place], f"{where}: property: {asked}")
+    return replace(setup, parameters=Parameters(specs))
+
+
+def _read_otherwise(setup: SectionSetup, spec: ParameterSpec, where: str) -> ReadOtherwise:
+    scene, points = setup.scene, fill(setup.scene)
+    stress = stress_in_kpa(
+        scene, points.position, points.volume, points.zone, setup.settings.gravity_m_per_s2
+    )
+    zones = [number for number, zone in enumerate(scene.zones) if zone.name in spec.zones]
+    own = np.isin(points.zone, zones)
+    mean, _ = mean_and_deviation(stress[own], points.volume[own])
+    if spec.property == RESIDUAL_STRENGTH:
+        for zone in (scene.zones[number] for number in zones):
+            if not scene.materials[zone.material].liquefied:
+                raise InputError(
+                    f"{where}: the material of zone {zone.name!r} is not marked liquefied: true"
+                )
+        if spec.high > MOST_STRENGTH_RATIO * mean:
+            raise InputError(
+                f"{where}: high {spec.high:g} kPa of {spec.name!r} is more than "
+                f"{MOST_STRENGTH_RATIO:g} of the mean sigma'_v0, {mean:.3g} kPa"
+            )
+    return ReadOtherwise(**{**spec.model_dump(), "stress_kpa": mean})
 
 
 def apply_changes(setup: AnySetup, changes: Changes, where: str) -> Changed[AnySetup]:
@@ -171,11 +238,7 @@ def _soil_words(one: OtherProperty) -> str:
 def _other_soil(setup: SectionSetup, properties: Sequence[OtherProperty], where: str) -> Scene:
     """The scene with other properties, but for what is calibrated; of a zone the last one holds."""
     names = [zone.name for zone in setup.scene.zones]
-    calibrated = {
-        (zone, material_key(spec.property))
-        for spec in setup.parameters.specs
-        for zone in spec.zones
-    }
+    calibrated = calibrated_keys(setup.parameters.specs)
     changes: dict[tuple[str, str], float | None] = {}
     for one in properties:
         for zone in one.zones or names:
@@ -276,7 +339,8 @@ def _deviation_words(
 
 def _refuse_calibrated(setup: Setup, sensitivity: FixedProperty, where: str) -> None:
     for spec in setup.parameters.specs:
-        same = material_key(spec.property) == material_key(sensitivity.property)
+        same = material_key(sensitivity.property) in material_keys(spec.property)
+        same |= {sensitivity.property, spec.property} <= set(STRENGTHS)
         if same and set(spec.zones) & set(sensitivity.zones):
             raise InputError(
                 f"{where}: {sensitivity.property} there is calibrated by {spec.name!r}"

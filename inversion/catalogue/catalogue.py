@@ -174,14 +174,16 @@ def answers_of(result: Mapping[str, Any]) -> list[OurAnswer]:
         if parameter["ratio"] is None:
             continue
         bound = parameter.get("ratio_lower_bound_95") is not None
+        # Of a strength ratio the mean strength over its zones is compared.
+        kpa = 1.0 if parameter.get("strength_kpa") is None else parameter["sigma_v0_kpa"]
         found.append(
             OurAnswer(
                 case=result["case"],
                 title=result["title"],
                 label=parameter["label"],
                 zones=tuple(parameter["zones"]),
-                s_r_kpa=parameter["lower_bound_95" if bound else "value"],
-                std_kpa=parameter["std_total"],
+                s_r_kpa=kpa * parameter["lower_bound_95" if bound else "value"],
+                std_kpa=kpa * parameter["std_total"],
                 ratio=parameter["ratio_lower_bound_95" if bound else "ratio"],
                 ratio_std=parameter["ratio_std"],
                 bound=bound,

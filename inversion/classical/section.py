@@ -37,6 +37,8 @@ class Soil:
         density: [kg/m3], above the water line.
         saturated_density: [kg/m3], below the water line.
         liquefied: its strength is the S_r to be found.
+        ratio: S_r over the vertical effective stress before failure, of a soil whose strength grows
+            with depth; its cohesion is then the least strength. 0: one strength everywhere.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Soil:
     density: float
     saturated_density: float
     liquefied: bool = False
+    ratio: float = 0.0
 
 
 def soil_of(name: str, material: Material, *, unit_weight_factor: float = 1.0) -> Soil:
@@ -57,6 +60,7 @@ def soil_of(name: str, material: Material, *, unit_weight_factor: float = 1.0) -
         density=unit_weight_factor * material.density,
         saturated_density=unit_weight_factor * saturated,
         liquefied=material.liquefied,
+        ratio=material.strength_ratio or 0.0,
     )
 
 

@@ -100,7 +100,8 @@ class Slices:
         push: horizontal force of free water on the surface and on the ends of the mass [N/m].
         push_moment: integral of that force times its elevation [N].
         side_water: horizontal force of the water in the neighbouring slices on the slice [N/m].
-        cohesion: [Pa]; of liquefied soil the value in the scene.
+        cohesion: [Pa]; of liquefied soil the value in the scene, with a strength ratio that at the
+            depth of the base.
         friction: tangent of the friction angle; nil where the base is liquefied.
         liquefied: True where the strength of the base is the S_r to be found.
         zone: number of the zone at the base, `OUTSIDE` beyond the section.
@@ -251,6 +252,10 @@ def slice_at(
         place = x[outside].flat[0]
         raise ValueError(f"the slip surface leaves the soil at x = {place:.4g} m")
     cohesion, friction, liquefied = _strengths(strength_of, zone)
+    ratio = np.array([*(soil.ratio for soil in strength_of.soils), 0.0])[zone]
+    if ratio.any():
+        before = column if strength_of is section else strength_of.column(x, middle)
+        cohesion = np.maximum(cohesion, ratio * np.maximum(before.buoyant_weight, 0.0))
     submerged = _hydrostatics(section, edges, base, x, middle, downhill, form)
     load = column.weight if form == "pore_pressure" else column.buoyant_weight
     thick = np.maximum(column.thickness, 1e-12)

@@ -14,7 +14,7 @@ from geometry.scenes3d.scene3d import Scene3d
 from geometry.survey3d.measured import DepositMap, MapMeasured
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import Prediction, Setup
-from inversion.problem.question import RESIDUAL_STRENGTH, material_key
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 from inversion.problem.scene_changes import with_properties
 from inversion.problem.state import simulated
 from pipeline.cli import InputError
@@ -80,9 +80,9 @@ class BodySetup(Setup):
     def scene_at(self, values: np.ndarray) -> Scene3d:
         """The body with values (p,) of the parameters put in."""
         changes = [
-            (zone, material_key(spec.property), simulated(value))
+            change
             for spec, value in zip(self.parameters.specs, values, strict=True)
-            for zone in spec.zones
+            for change in spec.changes(simulated(value))
         ]
         return self.scene.with_soil(with_properties(self.scene.soil, changes))
 
@@ -179,11 +179,15 @@ class BodySetup(Setup):
         return np.concatenate([entry.read(deposit) for entry in self.targets.entries])
 
     def _stress(self, kept: KeptMaps) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
+        """Mean and spread of the vertical effective stress over the zones of each S_r or ratio.
+
+        Returns:
+            (p,) and (p,) [kPa]; NaN for other parameters.
+        """
         found = np.full((2, len(self.parameters.specs)), np.nan)
         for place, spec in enumerate(self.parameters.specs):
             own = [kept.stress_kpa[name] for name in spec.zones if name in kept.stress_kpa]
-            if spec.property != RESIDUAL_STRENGTH or not own:
+            if spec.property not in (RESIDUAL_STRENGTH, STRENGTH_RATIO) or not own:
                 continue
             count, mean, std = np.array(own).T
             middle = np.average(mean, weights=count)

@@ -10,7 +10,7 @@ from geometry.survey.measured import Deposit
 from inversion.engines.run_store import KeptRun
 from inversion.estimation.data import read, toes_by_eye
 from inversion.estimation.forward import Prediction, SectionSetup
-from inversion.problem.question import RESIDUAL_STRENGTH
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 
 
 def read_start(setup: SectionSetup, run: KeptRun) -> np.ndarray:
@@ -68,15 +68,24 @@ def deposit_of(setup: SectionSetup, run: KeptRun, *, last: bool = True) -> Depos
 
 
 def _sigma_v0(setup: SectionSetup, run: KeptRun) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and spread of the vertical effective stress over each S_r's zones, (p,) [kPa]."""
+    """Mean and spread of the vertical effective stress over the zones of each S_r or ratio.
+
+    Of an S_r it is the weight above, what practice divides by. Of a ratio it is the settled stress
+    that the run multiplied, so that their product is the mean strength of the run.
+
+    Returns:
+        (p,) and (p,) [kPa]; NaN for other parameters.
+    """
     gravity = setup.settings.gravity_m_per_s2
     volume = run.initial_volume.astype(float)
     stress = stress_in_kpa(setup.scene, run.initial.astype(float), volume, run.zone, gravity)
+    settled = 1e-3 * np.maximum(run.vertical_stress.astype(float), 0.0)
     found = []
     for spec in setup.parameters.specs:
         zones = [number for number, one in enumerate(setup.scene.zones) if one.name in spec.zones]
         own = np.isin(run.zone, zones)
-        known = spec.property == RESIDUAL_STRENGTH and own.any()
-        found.append(mean_and_deviation(stress[own], volume[own]) if known else (np.nan, np.nan))
+        of_zones = settled if spec.property == STRENGTH_RATIO else stress
+        known = spec.property in (RESIDUAL_STRENGTH, STRENGTH_RATIO) and own.any()
+        found.append(mean_and_deviation(of_zones[own], volume[own]) if known else (np.nan, np.nan))
     mean, spread = np.array(found, dtype=float).reshape(-1, 2).T
     return mean, spread

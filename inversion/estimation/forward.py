@@ -24,6 +24,7 @@ from geometry.sides import Side
 from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
+from inversion.problem.question import STRENGTH_RATIO
 from pipeline.config import SimulationSettings
 
 
@@ -125,6 +126,14 @@ class SectionSetup(Setup):
     def least_move_m(self) -> float:
         """Two spacings: a toe is read at points."""
         return 2.0 * self.scene.spacing
+
+    @property
+    def has_strength_ratio(self) -> bool:
+        """Some soil has a strength in proportion to its stress before failure, known or not."""
+        soils = self.scene.materials.values()
+        return any(spec.property == STRENGTH_RATIO for spec in self.parameters.specs) or any(
+            soil.strength_ratio is not None for soil in soils
+        )
 
     def with_scene(self, scene: Scene) -> Self:
         """The setup of another section; where its foot moves, so does the zero of a runout."""

@@ -29,7 +29,7 @@ from scipy.linalg import helmert
 from scipy.special import ndtr
 
 from geometry.scenes.scene import Scene
-from inversion.problem.question import LOGARITHMIC, ParameterSpec, material_key
+from inversion.problem.question import LOGARITHMIC, STRENGTH_RATIO, STRENGTHS, ParameterSpec
 from inversion.problem.scene_changes import pool_at, with_properties
 from inversion.problem.state import State, simulated, state
 
@@ -60,8 +60,18 @@ class Parameters:
 
     @property
     def strengths(self) -> np.ndarray:
-        """(p,) bool: residual strengths and cohesions."""
-        return np.array([material_key(spec.property) == "cohesion_kpa" for spec in self.specs])
+        """(p,) bool: residual strengths, strength ratios and cohesions."""
+        return np.array([spec.property in STRENGTHS for spec in self.specs])
+
+    def per_ratio(self, sigma_v0_kpa: np.ndarray) -> np.ndarray:
+        """What a value is divided by to be a ratio S_r / sigma'_v0, (p,): [kPa], or 1 of a ratio.
+
+        Args:
+            sigma_v0_kpa: mean vertical effective stress before failure of each parameter's zones,
+                (p,) [kPa]; NaN where it is no strength.
+        """
+        own = np.array([spec.property == STRENGTH_RATIO for spec in self.specs])
+        return np.where(own & np.isfinite(sigma_v0_kpa), 1.0, sigma_v0_kpa)
 
     @property
     def has_prior(self) -> np.ndarray:
@@ -172,9 +182,9 @@ class Parameters:
             if spec.property == "water_level":
                 base = Scene.model_validate(pool_at(base, simulated(value)))
         changes = [
-            (zone, material_key(spec.property), simulated(value))
+            change
             for spec, value in zip(self.specs, values, strict=True)
-            for zone in spec.zones
+            for change in spec.changes(simulated(value))
         ]
         return with_properties(base, changes)
 

@@ -194,6 +194,12 @@ def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
             },
             indent=2,
         )
+    text += _comment(
+        "S_r is the same everywhere in its zones. To find the ratio S_r / sigma'_v0 instead,\n"
+        "which makes deeper soil stronger: property: strength_ratio, start: 0.1, low: 0.02,\n"
+        "high: 0.5 (no unit). Both readings side by side, among the variants:\n"
+        "  - {name: strength in proportion to the stress, property: strength_ratio}"
+    )
     text += _comment("Measurements that are fitted; all others are compared with the answer.")
     if toes:
         text += _dump({"fit": list(toes)})

@@ -54,7 +54,11 @@ class UnknownAnswer(StrictDocument):
     after: Spread
     ratio: Spread | None = Field(
         description="of a residual strength: divided by the vertical effective stress before "
-        "failure, mean over its zones; else null"
+        "failure, mean over its zones; of a strength_ratio itself; else null"
+    )
+    strength_kpa: Spread | None = Field(
+        None,
+        description="of a strength_ratio: the mean S_r over its zones that it means; else null",
     )
     narrowed: float = Field(description="1 - (std after / std before)^2; 0: the data say nothing")
     sobol: list[SobolShare] = Field(

@@ -304,7 +304,7 @@ class Inferred(Generic[AnyModel]):
         random = np.random.default_rng([self.inference.settings.seed, 11])
         log = np.log(cells.factor) + cells.log_std * random.standard_normal(len(found))
         for place, unknown in enumerate(self.likelihood.emulator.unknowns):
-            if unknown.unit == "kPa":
+            if unknown.strength:
                 found[:, place] *= np.exp(self._known_by_data(place) * log)
         return found
 

@@ -1,7 +1,8 @@
 """Simulations of a case at values of its unknowns, coarse or at the spacing of the answer.
 
 The numbers of a run are the measurements of the set that are shown, then the vertical effective
-stress before failure of each residual strength's zones, which turns a strength into a ratio.
+stress before failure of each residual strength's zones, which turns a strength into a ratio, or a
+strength ratio into a mean strength.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from inversion.estimation.forward import Forward, Prediction, SectionSetup, Setu
 from inversion.posterior.unknown import Unknown, VariedCase
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
+    STRENGTH_RATIO,
     OtherSetting,
     TimeStep,
 )
@@ -95,9 +97,10 @@ class CaseModel:
 
     @property
     def strengths(self) -> list[int]:
-        """Places of the residual strengths among the parameters."""
+        """Places of the residual strengths and of the strength ratios among the parameters."""
+        known = RESIDUAL_STRENGTH, STRENGTH_RATIO
         specs = self.varied.case.parameters.specs
-        return [place for place, spec in enumerate(specs) if spec.property == RESIDUAL_STRENGTH]
+        return [place for place, spec in enumerate(specs) if spec.property in known]
 
     @property
     def names(self) -> list[str]:

@@ -38,6 +38,7 @@ from inversion.posterior.emulator import Emulated
 from inversion.posterior.infer import Inferred
 from inversion.posterior.runs import CaseModel, stress_name
 from inversion.posterior.unknown import Unknown
+from inversion.problem.question import STRENGTH_RATIO
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 from pipeline.files import write_json
 from pipeline.manifest import manifest
@@ -187,9 +188,13 @@ def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
     before, after = found.prior[:, place], found.told[:, place]
     is_parameter = place < model.varied.parameters
     spec = model.varied.case.parameters.specs[place] if is_parameter else None
-    ratio = None
+    ratio = strength = None
     if (stress := stress_name(unknown.name)) in inference.names:
-        ratio = spread(after / found.replicated()[:, inference.names.index(stress)])
+        sigma = found.replicated()[:, inference.names.index(stress)]
+        if spec is not None and spec.property == STRENGTH_RATIO:
+            ratio, strength = spread(after), spread(after * sigma)
+        else:
+            ratio = spread(after / sigma)
     left = float(
         np.var(unknown.transformed(after)) / max(np.var(unknown.transformed(before)), 1e-300)
     )
@@ -204,6 +209,7 @@ def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
         before=spread(before),
         after=spread(after),
         ratio=ratio,
+        strength_kpa=strength,
         narrowed=_round(max(1.0 - left, 0.0)),
         sobol=_sobol(found, place) if is_parameter else [],
     )
@@ -216,7 +222,7 @@ def _sobol(found: Inferred[CaseModel], place: int) -> list[SobolShare]:
     values = np.stack([one.transformed(found.told[:, k]) for k, one in enumerate(unknowns)], axis=1)
     inputs = [np.delete(values, place, axis=1)]
     labels = [one.name for k, one in enumerate(unknowns) if k != place]
-    if inference.cells is not None and unknowns[place].unit == "kPa":
+    if inference.cells is not None and unknowns[place].strength:
         ran = unknowns[place].transformed(found.values[:, place])
         inputs.append((values[:, place] - ran)[:, None])
         labels.append(CELLS)

@@ -20,6 +20,8 @@ from inversion.back_analysis.deviations import Uncertain, deviating
 from inversion.estimation.forward import Setup
 from inversion.problem.question import (
     LOGARITHMIC,
+    RESIDUAL_STRENGTH,
+    STRENGTH_RATIO,
     UNITS,
     FixedProperty,
     ParameterSpec,
@@ -57,6 +59,11 @@ class Unknown:
     low: float
     high: float
     normal: tuple[float, float] | None = None
+
+    @property
+    def strength(self) -> bool:
+        """A strength or a strength ratio, which the size of the cells moves."""
+        return self.unit in (UNITS[RESIDUAL_STRENGTH], UNITS[STRENGTH_RATIO])
 
     def at(self, share: np.ndarray) -> np.ndarray:
         """Values at shares of the prior probability, any shape: the inverse of `share_below`."""

@@ -25,7 +25,7 @@ from geometry.scenes3d.scene3d import Terrain
 from inversion.estimation.unknowns import Parameters
 from inversion.posterior.document import load_posterior
 from inversion.posterior.draws import key, load_draws
-from inversion.problem.question import RESIDUAL_STRENGTH, ParameterSpec
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, ParameterSpec
 from pipeline.cli import InputError
 
 Kind = Literal["lognormal", "normal", "posterior"]
@@ -181,6 +181,12 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
     folder = path if path.is_dir() else path.parent
     draws, document = load_draws(folder), load_posterior(folder)
     found = []
+    ratios = [one.name for one in document.parameters if one.property == STRENGTH_RATIO]
+    if ratios:
+        raise InputError(
+            f"{folder}: {ratios[0]} is a {STRENGTH_RATIO}; a prediction takes residual strengths "
+            f"in kPa: state them with {OPTION}, or infer {RESIDUAL_STRENGTH}"
+        )
     for one in document.parameters:
         if one.property != RESIDUAL_STRENGTH:
             continue

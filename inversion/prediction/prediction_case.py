@@ -25,7 +25,7 @@ from inversion.estimation.data import Targets
 from inversion.estimation.forward import SectionSetup
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
-from inversion.problem.question import RESIDUAL_STRENGTH, load_question
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, load_question
 from pipeline.cli import InputError
 
 
@@ -128,7 +128,7 @@ def prediction_case(case: Case, *, spacing_m: float | None = None) -> Prediction
         calibrated=[
             zone
             for spec in (question.parameters if question else [])
-            if spec.property == RESIDUAL_STRENGTH
+            if spec.property in (RESIDUAL_STRENGTH, STRENGTH_RATIO)
             for zone in spec.zones
         ],
     )

@@ -7,13 +7,21 @@ Every form of the document is described in docs/method/inversion.md.
 from __future__ import annotations
 
 import builtins
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from geometry.scenes.limits import check_density, check_level
-from geometry.scenes.scene import Document, Point, Scene, checked_document
+from geometry.scenes.scene import (
+    MOST_STRENGTH_RATIO,
+    Document,
+    Material,
+    Point,
+    Scene,
+    checked_document,
+)
 from geometry.scenes3d.scene3d import Terrain
 from inversion.catalogue.correlations import RelationName
 from inversion.problem.changes import Changes, Waterfall, check_simulation
@@ -24,15 +32,27 @@ FILE_NAME = "inversion.yaml"
 
 RESIDUAL_STRENGTH: Literal["residual_strength_kpa"] = "residual_strength_kpa"
 """Of liquefied zones; a scene, whose materials have one strength, keeps it as their cohesion."""
-MaterialProperty = Literal["residual_strength_kpa", "cohesion_kpa", "friction_deg", "density"]
+STRENGTH_RATIO: Literal["strength_ratio"] = "strength_ratio"
+"""S_r / sigma'_v0 of liquefied zones, whose points then have a strength that grows with depth."""
+FLOOR_KPA = 0.1
+"""Least strength of a point of a zone whose ratio is calibrated, where the question states none.
+
+Soil right under the surface carries no stress, so without a floor it would be a fluid that never
+rests. A ratio of 0.05 exceeds this from 0.2 m of submerged soil on: less than a usual spacing.
+"""
+MaterialProperty = Literal[
+    "residual_strength_kpa", "strength_ratio", "cohesion_kpa", "friction_deg", "density"
+]
 Property = MaterialProperty | Literal["water_level"]
 
 UNITS: dict[str, str] = {
-    "residual_strength_kpa": "kPa", "cohesion_kpa": "kPa", "friction_deg": "deg",
+    "residual_strength_kpa": "kPa", "strength_ratio": "", "cohesion_kpa": "kPa",
+    "friction_deg": "deg",
     "density": "kg/m3", "water_level": "m",
 }  # fmt: skip
 SYMBOLS: dict[str, str] = {
-    "residual_strength_kpa": "S_r", "cohesion_kpa": "c", "friction_deg": "phi",
+    "residual_strength_kpa": "S_r", "strength_ratio": "S_r/sigma'_v0", "cohesion_kpa": "c",
+    "friction_deg": "phi",
     "density": "density",
     "water_level": "level of the pool",
 }  # fmt: skip
@@ -42,12 +62,33 @@ POOL = "the pool"
 
 
 #: Properties that are fitted as logarithms.
-LOGARITHMIC = ("residual_strength_kpa", "cohesion_kpa", "density")
+LOGARITHMIC = ("residual_strength_kpa", "strength_ratio", "cohesion_kpa", "density")
+#: Properties that are strengths: they grow and shrink together, and with the size of the cells.
+STRENGTHS = ("residual_strength_kpa", "strength_ratio", "cohesion_kpa")
 
 
 def material_key(name: str) -> str:
     """The key of a scene's material that holds a property."""
     return "cohesion_kpa" if name == RESIDUAL_STRENGTH else name
+
+
+def material_keys(name: str) -> tuple[str, ...]:
+    """The keys of a scene's material that a calibrated property sets.
+
+    A ratio also sets the least strength, which a scene keeps as the cohesion.
+    """
+    return (name, "cohesion_kpa") if name == STRENGTH_RATIO else (material_key(name),)
+
+
+def ratio_changes(
+    zones: Sequence[str], ratio: float, floor_kpa: float
+) -> list[tuple[str, str, float]]:
+    """What a strength ratio makes of zones: (zone, key of its material, value)."""
+    return [
+        change
+        for zone in zones
+        for change in ((zone, STRENGTH_RATIO, ratio), (zone, "cohesion_kpa", floor_kpa))
+    ]
 
 
 class Prior(Document):
@@ -101,8 +142,14 @@ class ParameterSpec(Document):
         description="names of the zones that share the value; none for water_level",
     )
     property: Property = Field(
-        description="residual_strength_kpa (S_r, of liquefied zones), cohesion_kpa, friction_deg, "
-        "density, water_level [m]"
+        description="residual_strength_kpa (S_r, of liquefied zones), strength_ratio "
+        "(S_r / sigma'_v0, of liquefied zones), cohesion_kpa, friction_deg, density, "
+        "water_level [m]"
+    )
+    floor_kpa: float | None = Field(
+        None,
+        ge=0,
+        description="of strength_ratio: least strength of a point [kPa]; null: 0.1",
     )
     start: float = Field(description="first guess")
     low: float = Field(description="lower bound")
@@ -127,6 +174,13 @@ class ParameterSpec(Document):
             raise ValueError(
                 f"low {self.low:g} must be greater than 0: it is fitted as a logarithm"
             )
+        if self.property == STRENGTH_RATIO and self.high > MOST_STRENGTH_RATIO:
+            raise ValueError(
+                f"high {self.high:g}: a strength ratio S_r / sigma'_v0 is at most "
+                f"{MOST_STRENGTH_RATIO:g}"
+            )
+        if self.floor_kpa is not None and self.property != STRENGTH_RATIO:
+            raise ValueError(f"floor_kpa: belongs to {STRENGTH_RATIO}, not {self.property}")
         if self.property == "friction_deg" and not (self.low >= 0 and self.high < 89):
             raise ValueError(f"low {self.low:g} to high {self.high:g} must lie in 0 to 89 degrees")
         if self.prior is not None and self.prior.relation is not None:
@@ -142,8 +196,17 @@ class ParameterSpec(Document):
 
     @builtins.property  # the field of that name hides it here
     def unit(self) -> str:
-        """Unit of the value: kPa, deg, kg/m3 or m."""
+        """Unit of the value: kPa, deg, kg/m3 or m; empty for a ratio."""
         return UNITS[self.property]
+
+    def changes(self, value: float) -> list[tuple[str, str, float]]:
+        """What a value makes of its zones: (zone, key of its material, value); none of a level."""
+        if self.property == "water_level":
+            return []
+        if self.property == STRENGTH_RATIO:
+            floor = FLOOR_KPA if self.floor_kpa is None else self.floor_kpa
+            return ratio_changes(self.zones, value, floor)
+        return [(zone, material_key(self.property), value) for zone in self.zones]
 
     @builtins.property  # the field of that name hides it here
     def words(self) -> str:
@@ -152,6 +215,22 @@ class ParameterSpec(Document):
             return self.label or SYMBOLS[self.property]
         zones = ", ".join(self.zones)
         return self.label or f"{SYMBOLS[self.property]} of zone{'s'[: len(self.zones) > 1]} {zones}"
+
+
+class ReadOtherwise(ParameterSpec):
+    """An S_r that is simulated as a strength ratio, or a ratio that is simulated as one S_r.
+
+    Bounds and values stay those of the question: an S_r is then the mean over the zones.
+    """
+
+    stress_kpa: float = Field(gt=0, description="mean sigma'_v0 of the zones [kPa]")
+
+    def changes(self, value: float) -> list[tuple[str, str, float]]:
+        """See `ParameterSpec`."""
+        if self.property == STRENGTH_RATIO:
+            strength = value * self.stress_kpa
+            return [(zone, "cohesion_kpa", strength) for zone in self.zones]
+        return ratio_changes(self.zones, value / self.stress_kpa, FLOOR_KPA)
 
 
 class Variant(Changes):
@@ -163,10 +242,15 @@ class Variant(Changes):
     targets: dict[str, float] = Field(
         default_factory=dict, description="measurement -> value used instead of the measured [m]"
     )
+    property: Literal["residual_strength_kpa", "strength_ratio"] | None = Field(
+        None,
+        description="how the unknown strengths are read: one S_r everywhere, or in proportion to "
+        "the stress before failure; null: as asked. Values stay in the unit of the question",
+    )
 
     @model_validator(mode="after")
     def _differs(self) -> Variant:
-        if not (self.changed or self.measurements or self.fit or self.targets):
+        if not (self.changed or self.measurements or self.fit or self.targets or self.property):
             raise ValueError(f"variant {self.name!r} changes nothing: give water, contact, ...")
         return self
 
@@ -238,7 +322,7 @@ class FixedProperty(Document):
     kind: Literal["property"]
     zones: list[str] = Field(min_length=1, description="zones that share the value")
     property: MaterialProperty = Field(
-        description="residual_strength_kpa, cohesion_kpa, friction_deg or density"
+        description="residual_strength_kpa, strength_ratio, cohesion_kpa, friction_deg or density"
     )
     std: float = Field(gt=0, description="standard deviation, in the property's unit")
 
@@ -297,17 +381,34 @@ class Question(Document):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"{group}: two are called {name!r}; names must be unique")
-        taken: dict[tuple[str, str], str] = {}
+        taken: dict[tuple[str, str], ParameterSpec] = {}
         for parameter in self.parameters:
             for zone in parameter.zones or [POOL]:
-                key = (zone, material_key(parameter.property))
-                other = taken.setdefault(key, parameter.name)
-                if other != parameter.name:
-                    raise ValueError(
-                        f"parameters: {parameter.property} of {_place(zone)} is calibrated by "
-                        f"{other!r} and by {parameter.name!r}"
-                    )
+                for key in material_keys(parameter.property):
+                    other = taken.setdefault((zone, key), parameter)
+                    if other.name != parameter.name:
+                        raise ValueError(_calibrated_twice(zone, other, parameter))
         return self
+
+
+def _calibrated_twice(zone: str, one: ParameterSpec, other: ParameterSpec) -> str:
+    both = one.property, other.property
+    if both[0] != both[1] and STRENGTH_RATIO in both:
+        return (
+            f"parameters: {one.name!r} ({both[0]}) and {other.name!r} ({both[1]}) are both the "
+            f"strength of {_place(zone)}; ask for one of them"
+        )
+    return (
+        f"parameters: {other.property} of {_place(zone)} is calibrated by {one.name!r} and by "
+        f"{other.name!r}"
+    )
+
+
+def calibrated_keys(specs: Sequence[ParameterSpec]) -> set[tuple[str, str]]:
+    """Zones and keys of their materials whose values the parameters set."""
+    return {
+        (zone, key) for spec in specs for zone in spec.zones for key in material_keys(spec.property)
+    }
 
 
 def load_question(folder: str | Path, scene: Scene | Terrain) -> Question:
@@ -385,7 +486,8 @@ def check_zones(question: Question, scene: Scene | Terrain, source: str) -> None
                 f"{source}: parameters: {parameter.name}: property: water_level: only of a section"
             )
         _check_bounds(parameter, scene, f"{source}: parameters: {parameter.name}")
-    known = [zone.name for zone in scene.zones]
+    soils = {zone.name: scene.materials[zone.material] for zone in scene.zones}
+    known = list(soils)
     named = [("parameters", p.name, p.zones) for p in question.parameters]
     named += [
         ("sensitivities", s.name, s.zones)
@@ -398,4 +500,30 @@ def check_zones(question: Question, scene: Scene | Terrain, source: str) -> None
                 raise InputError(
                     f"{source}: {group}: {name}: zones: no zone {zone!r} in the scene; "
                     f"known are {', '.join(known)}"
+                )
+    for entry in question.parameters:
+        hard = [zone for zone in entry.zones if not soils[zone].liquefied]
+        if entry.property == STRENGTH_RATIO and hard:
+            raise InputError(
+                f"{source}: parameters: {entry.name}: zones: {STRENGTH_RATIO} is of soil that "
+                f"liquefies; the material of zone {hard[0]!r} is not marked liquefied: true"
+            )
+    _check_fixed_strengths(question, soils, source)
+
+
+def _check_fixed_strengths(question: Question, soils: Mapping[str, Material], source: str) -> None:
+    """A soil has a strength or a strength ratio; a sensitivity must name the one that it has."""
+    set_by = calibrated_keys(question.parameters)
+    for entry in question.sensitivities:
+        if not isinstance(entry, FixedProperty) or entry.property not in STRENGTHS:
+            continue
+        asks_ratio = entry.property == STRENGTH_RATIO
+        for zone in entry.zones:
+            if {(zone, "cohesion_kpa"), (zone, STRENGTH_RATIO)} & set_by:
+                continue  # refused as calibrated, where the sensitivity is taken
+            if asks_ratio != (soils[zone].strength_ratio is not None):
+                has = f"has {'no' if asks_ratio else 'a'} {STRENGTH_RATIO}"
+                raise InputError(
+                    f"{source}: sensitivities: {entry.name}: property: {entry.property}: the "
+                    f"material of zone {zone!r} {has} in the scene"
                 )

@@ -21,6 +21,9 @@ def with_properties(base: Soil, changes: Sequence[tuple[str, str, float | bool]]
     so that a zone that is not named keeps its soil. Equal changes keep equal materials, so the
     scene, and with it the key of its run, does not depend on the order of the changes.
 
+    A zone that is given a cohesion, which is S_r where it liquefies, has no strength ratio any more
+    unless that is given too: the cohesion is then the least strength.
+
     Args:
         base: the scene or terrain.
         changes: (zone, property, value), the property a key of a scene's material.
@@ -33,6 +36,8 @@ def with_properties(base: Soil, changes: Sequence[tuple[str, str, float | bool]]
     for zone in document["zones"]:
         old = zone["material"]
         soil = {**document["materials"][old], **wanted[zone["name"]]}
+        if "cohesion_kpa" in wanted[zone["name"]] and "strength_ratio" not in wanted[zone["name"]]:
+            soil.pop("strength_ratio", None)
         extra = soil["density"] - document["materials"][old]["density"]
         if extra and soil["saturated_density"] is not None:
             soil["saturated_density"] += extra

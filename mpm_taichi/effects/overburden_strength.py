@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from mpm_taichi.effects.framework.base import Amplitude, Effect, needs_liquefied_soil, ti
+from typing import TYPE_CHECKING
+
+from mpm_taichi.effects.framework.base import Amplitude, Effect, liquefied_zones, ti
+
+if TYPE_CHECKING:
+    from geometry.scenes.scene import Scene
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
@@ -11,6 +16,14 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
         ratio = here.overburden / here.mean_overburden
         soil.cohesion *= ti.max((1.0 - effect.amplitude) + effect.amplitude * ratio, 0.0)
     return soil
+
+
+def applies(scene: Scene) -> str:
+    """Needs liquefied soil of one strength: a strength ratio is this effect at amplitude 1."""
+    liquefied = liquefied_zones(scene)
+    if any(soil.strength_ratio is not None for soil in scene.materials.values()):
+        return "the strength of liquefied soil already follows its strength_ratio; keep one of both"
+    return "" if liquefied else "no material is marked liquefied: true"
 
 
 EFFECT = Effect(
@@ -34,5 +47,5 @@ EFFECT = Effect(
         meaning="share of the strength that goes with the stress; at 1 all of it, a strength ratio",
     ),
     strength=strength,
-    applies=needs_liquefied_soil,
+    applies=applies,
 )

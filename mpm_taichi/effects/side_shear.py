@@ -26,7 +26,8 @@ def section_height(
 
 def applies(scene: Scene) -> str:
     """Needs soil with cohesion or a residual strength."""
-    if any(scene.materials[zone.material].cohesion_kpa > 0.0 for zone in scene.zones):
+    soils = [scene.materials[zone.material] for zone in scene.zones]
+    if any(soil.cohesion_kpa > 0.0 or soil.strength_ratio for soil in soils):
         return ""
     return "no soil has cohesion"
 

@@ -2,7 +2,8 @@
 
 The settled start (`SimulationSettings.initial_stress = "settled"`) begins from K0 stress and lets
 the solver relax it elastically on points that do not move (`solver.settle`); at t = 0 every zone
-has its own strength. Bodies that are thrown or that hang in the air start free of stress.
+has its own strength, a soil with a strength ratio that of each point (`effects.framework.hooks`,
+`start_strength`). Bodies that are thrown or that hang in the air start free of stress.
 """
 
 from __future__ import annotations
@@ -66,7 +67,8 @@ class PreparedScene:
     settle_strength: np.ndarray  # (R, 8) float32
     density: np.ndarray  # (R,) float32 [kg/m3]
     variables: np.ndarray  # (R, V) float32, history variables of the law at t = 0
-    soil: np.ndarray  # (R, 4) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa]
+    # (R, 5) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa], strength ratio
+    soil: np.ndarray
     volume: np.ndarray  # (P,) float64 [m2]
     mass: np.ndarray  # (P,) float64 [kg/m]
     wave_speed: float  # m/s
@@ -243,11 +245,12 @@ def _k0(material: Material) -> float:
     return material.poisson_ratio / (1.0 - material.poisson_ratio)
 
 
-def _soil(material: Material) -> tuple[float, float, float, float]:
+def _soil(material: Material) -> tuple[float, float, float, float, float]:
     """A row of `PreparedScene.soil`."""
     cap = NO_CAP if material.tension_cap_pa is None else material.tension_cap_pa
     tangent = float(np.tan(material.friction_rad))
-    return float(material.liquefied), tangent, material.cohesion_pa, cap
+    ratio = material.strength_ratio or 0.0
+    return float(material.liquefied), tangent, material.cohesion_pa, cap, ratio
 
 
 def _elastic(material: Material) -> np.ndarray:

@@ -174,6 +174,7 @@ def point_schedule(
                 if ti.static(acted):
                     overburden = ti.max(-mine.stress[p][YY], 0.0)
                     mine.facts[p, OVERBURDEN] = overburden
+                    effects.start_strength(p, state)
                     if mine.facts[p, LIQUEFIED] > 0.5:
                         ti.atomic_add(sums[slot, 0, 0], ti.cast(overburden, ti.f64))
                         ti.atomic_add(sums[slot, 0, 1], ti.cast(1.0, ti.f64))

@@ -148,13 +148,17 @@ def scene_schedule(
 
     @ti.func
     def note_overburden(slot, first, last, state: A):
-        """Vertical effective stress before failure, and its mean over the liquefied points."""
+        """Vertical effective stress before failure, and its mean over the liquefied points.
+
+        Soil with a strength ratio has its strength from here on.
+        """
         facts = ti.static(state.points.facts)
         total = ti.cast(0.0, ti.f64)
         points = 0
         for p in range(first, last):
             overburden = ti.max(-state.points.stress[p][YY], 0.0)
             facts[p, OVERBURDEN] = overburden
+            effects.start_strength(p, state)
             if facts[p, LIQUEFIED] > 0.5:
                 total += ti.cast(overburden, ti.f64)
                 points += 1

@@ -6,7 +6,7 @@ import numpy as np
 
 from geometry.scenes.scene import Material
 from mpm_taichi.materials.elasticity import elastic_constants
-from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB
+from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, material_constants
 from mpm_taichi.solver.runtime import aligned
 from mpm_taichi.solver.water import WATER_DENSITY
 from mpm_taichi.solver3d import layout
@@ -57,7 +57,8 @@ class Arrays3d:
                 row[soaked] = len(rows)
                 rows.append(material)
                 densities.append(material.saturated_density)
-        self.row[:] = row
+        self.row[:] = self.laid_row = row
+        self.materials = rows
         self.density = np.asarray(densities, np.float32)
         self.elastic = np.array(
             [
@@ -122,6 +123,40 @@ class Arrays3d:
         result = np.empty(len(order))
         result[order] = -(below - before - 0.5 * weight[order]) / width**2
         return result
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """Strength ratio of each material row, (R,); 0 without one."""
+        return np.array([one.strength_ratio or 0.0 for one in self.materials])
+
+    def lay_strength_ratios(self, vertical: np.ndarray) -> None:
+        """Give every point of a soil with a strength ratio a row of its own, at its own strength.
+
+        Args:
+            vertical: effective stress before failure (N,) [Pa], compression positive, in the order
+                of the problem.
+        """
+        ratios = self.ratios
+        own = np.flatnonzero(ratios[self.laid_row] > 0.0)
+        if not len(own):
+            return
+        like = self.laid_row[own]
+        at_depth = ratios[like] * np.maximum(vertical[own], 0.0)
+        strength = [
+            material_constants(
+                friction_angle=soil.friction_rad,
+                cohesion=max(soil.cohesion_pa, float(cohesion)),
+                tension_cap=soil.tension_cap_pa,
+            )
+            for soil, cohesion in zip((self.materials[n] for n in like), at_depth, strict=True)
+        ]
+        self.strength = np.concatenate([self.strength, strength])
+        for name in ("elastic", "settle_strength", "density"):
+            table = getattr(self, name)
+            setattr(self, name, np.concatenate([table, table[like]]))
+        row = self.laid_row.copy()
+        row[own] = len(self.materials) + np.arange(len(own), dtype=np.int32)
+        self.row[:] = row[self.label]
 
     def form_blocks(self) -> None:
         """Put the points in the order of their blocks, and of their cells in them."""

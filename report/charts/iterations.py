@@ -152,7 +152,7 @@ def draw_history(data: BackAnalysisData, path: Path) -> Path:
     """Save the history: loss, values and fitted quantities by the number of the evaluation."""
     result = data.result
     fitted = data.few_fitted(4)
-    parameters = (data.strengths or result.answer.parameters)[:4]
+    parameters = data.answers[:4]
     figure, (loss, values, simulated) = style.chart(
         [1.3] * 3, above=0.3, below=0.35, left=0.6, right=1.6, foot=0.15
     )

@@ -21,7 +21,7 @@ from inversion.engines.small_cells import NAME as CELLS
 from pipeline.ties import largest_place, ranked
 from report import style
 from report.data.back_analysis import BackAnalysisData
-from report.numbers import MINUS, fixed, unit_of, with_unit
+from report.numbers import MINUS, fixed, places_of, unit_of, with_unit
 from report.sentences.back_analysis import answer_words
 from report.style import (
     HELD_OUT,
@@ -117,7 +117,7 @@ def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
         ax.barh(number, low, left=p.value, color=OURS, **style)
         ax.barh(number, high, left=p.value, color=HELD_OUT, **style)
         for change, side in ((low, -4), (high, 4)):
-            if round(abs(change), 2) > 0:
+            if round(abs(change), places_of(p.unit) + 1) > 0:
                 tell(
                     ax,
                     p.value + change,
@@ -125,7 +125,7 @@ def _draw_tornado(ax: Axes, p: ParameterAnswer, panel: Sequence[Bar]) -> None:
                     f"{change:+.2g}".replace("-", MINUS),
                     away=(side, 0),
                 )
-    labels(ax, words(f"{p.label} ({unit_of(p.unit)})"))
+    labels(ax, words(f"{p.label} ({unit_of(p.unit)})" if p.unit else p.label))
     title(ax, words(f"{answer_words(p)} (shaded)"), loc="right")
 
 
@@ -183,10 +183,11 @@ def _draw_before_after(ax: Axes, number: int, p: ParameterAnswer, prior_mean: fl
     )
     before_words = "" if prior_mean is None else f" (before ± {p.prior_std:.2g})"
     known = f"± {p.std_data:.2g} from the data" if p.determined else "no narrower than before"
-    text = f"{with_unit(fixed(p.value), p.unit)}, {known} {before_words}"
+    value = with_unit(fixed(p.value, places_of(p.unit)), p.unit)
+    text = f"{value}, {known} {before_words}"
     if p.lower_bound_95 is not None:
-        bound = with_unit(fixed(p.lower_bound_95), p.unit)
-        text = f"≥ {bound} (95 %), limit of flow {with_unit(fixed(p.value), p.unit)}{before_words}"
+        bound = with_unit(fixed(p.lower_bound_95, places_of(p.unit)), p.unit)
+        text = f"≥ {bound} (95 %), limit of flow {value}{before_words}"
     place, side = (0.0, "left") if share(p.value) < 0.6 else (1.0, "right")
     ax.text(place, number - 0.28, words(text), fontsize=SMALL, color=colour, ha=side, va="center")
     for x, value in ((0, p.low), (1, p.high)):

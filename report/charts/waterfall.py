@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from inversion.back_analysis.result import MeasurementAnswer, WaterfallAnswer
 from report import style
 from report.data.back_analysis import BackAnalysisData
-from report.numbers import signed, unit_of
+from report.numbers import places_of, signed, unit_of
 
 ROW, LEFT, BELOW, ABOVE = 0.3, 1.55, 0.45, 0.32
 JUDGE, GAP, RIGHT = 0.85, 0.18, 0.12
@@ -37,7 +37,7 @@ def draw_waterfall(data: BackAnalysisData, path: Path) -> Path | None:
     ax = style.panel(figure, LEFT, BELOW, wide, height)
     style.quiet(ax, grid="x", left=False)
     style.rows(ax, names, width=23)
-    _bars(ax, values)
+    _bars(ax, values, places_of(p.unit))
     style.title(ax, style.wrapped(p.label, 40, 1))
     style.labels(ax, unit_of(p.unit))
     if judge is not None:
@@ -54,7 +54,7 @@ def rows_of(found: WaterfallAnswer) -> tuple[list[str], list[float]]:
     return [name for name, _ in rows], [value for _, value in rows]
 
 
-def _bars(ax: Axes, values: Sequence[float]) -> None:
+def _bars(ax: Axes, values: Sequence[float], places: int) -> None:
     last = len(values) - 1
     for place, value in enumerate(values):
         before = values[place - 1] if place else 0.0
@@ -74,8 +74,8 @@ def _bars(ax: Axes, values: Sequence[float]) -> None:
             ax.plot(
                 [value] * 2, [place - 0.31, place + 1.31], color=style.GREY, linewidth=0.8, zorder=4
             )
-        change = f" ({signed(value - before)})" if place else ""
-        style.tell(ax, max(value, start), place, f"{value:.1f}{change}")
+        change = f" ({signed(value - before, places)})" if place else ""
+        style.tell(ax, max(value, start), place, f"{value:.{places}f}{change}")
     ax.set_xlim(0, 1.32 * max(values))
 
 

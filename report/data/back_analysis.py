@@ -20,7 +20,7 @@ from geometry.survey.measurements import FILE_NAME as MEASUREMENTS
 from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, with_neighbours
-from inversion.problem.question import RESIDUAL_STRENGTH
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
 from pipeline.places import CASES, resolve
@@ -98,8 +98,19 @@ class BackAnalysisData:
         return [
             p
             for p in self.result.answer.parameters
-            if p.property == RESIDUAL_STRENGTH or p.ratio is not None
+            if p.property == RESIDUAL_STRENGTH
+            or (p.ratio is not None and p.property != STRENGTH_RATIO)
         ]
+
+    @property
+    def ratios(self) -> list[ParameterAnswer]:
+        """The strength ratios among the parameters."""
+        return [p for p in self.result.answer.parameters if p.property == STRENGTH_RATIO]
+
+    @property
+    def answers(self) -> list[ParameterAnswer]:
+        """What was asked: strengths and strength ratios, or all parameters where there are none."""
+        return [*self.strengths, *self.ratios] or self.result.answer.parameters
 
     @property
     def fitted(self) -> list[MeasurementAnswer]:

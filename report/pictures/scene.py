@@ -249,6 +249,8 @@ def _label(ax: Axes, polygon: Sequence, lines: Sequence[str]) -> None:
 
 
 def _strength(material: Material) -> str:
+    if material.strength_ratio is not None:
+        return f"Sᵣ/σ'ᵥ₀ {material.strength_ratio:.3g}"
     if material.liquefied:
         return f"Sᵣ {material.cohesion_kpa:.3g} kPa"
     if material.friction_deg == 0.0:
@@ -256,6 +258,13 @@ def _strength(material: Material) -> str:
     if material.cohesion_kpa == 0.0:
         return f"φ {material.friction_deg:.3g}°"
     return f"φ {material.friction_deg:.3g}°, c {material.cohesion_kpa:.3g} kPa"
+
+
+def _cohesion(material: Material) -> str:
+    """Cohesion, or the ratio by which it follows the stress before failure."""
+    if material.strength_ratio is None:
+        return f"{material.cohesion_kpa:g}"
+    return f"{material.strength_ratio:g} σ'ᵥ₀"
 
 
 def _title(scene: Scene) -> str:
@@ -297,7 +306,7 @@ def _material_table(figure: Figure, scene: Scene, total: float) -> None:
         values = (
             name.replace("_", " ") + (" (liquefied)" if material.liquefied else ""),
             f"{material.friction_deg:g}",
-            f"{material.cohesion_kpa:g}",
+            _cohesion(material),
             f"{material.density:g}",
             f"{material.youngs_modulus_mpa:g}",
             f"{material.poisson_ratio:g}",

@@ -206,6 +206,8 @@ def default_title(scene: Scene) -> str:
 
 def strength(material: Material) -> str:
     """A material's strength in a few characters: S_r where it liquefied, else phi and c."""
+    if material.strength_ratio is not None:
+        return f"$S_r/\\sigma'_{{v0}}$ {material.strength_ratio:.3g}"
     if material.liquefied and material.friction_deg == 0:
         return f"$S_r$ {material.cohesion_kpa:.3g} kPa"
     parts = []

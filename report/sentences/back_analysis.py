@@ -15,7 +15,16 @@ from inversion.engines.registry import engine_named
 from inversion.problem.changes import WATER_WORDS
 from pipeline.ties import largest, largest_place, ranked
 from report.data.back_analysis import MANY, BackAnalysisData
-from report.numbers import at_least, fixed, plus_minus, signed, span, unit_of, with_unit
+from report.numbers import (
+    at_least,
+    fixed,
+    places_of,
+    plus_minus,
+    signed,
+    span,
+    unit_of,
+    with_unit,
+)
 from report.sentences.small_cells import cells_words
 
 FAR, FAR_SHARE = 2.0, 0.1
@@ -32,12 +41,14 @@ def answer_sentence(data: BackAnalysisData) -> str:
     """The answer: strengths with ratios, engine, spacing, water, and whether it fits."""
     result = data.result
     parts = []
-    for p in data.strengths or result.answer.parameters:
+    for p in data.answers:
         if p.lower_bound_95 is not None:
             parts.append(_bound(p))
             continue
         ratio = ""
-        if p.ratio is not None:
+        if p.strength_kpa is not None:
+            ratio = f" ({meant_words(p)})"
+        elif p.ratio is not None:
             ratio = f" (S_r/σ'_v0 = {p.ratio:.3f} ± {p.ratio_std:.3f})"
         value = plus_minus(p.value, p.std_total, p.unit)
         parts.append(f"{p.label}: {value}{ratio}{_equally_good(p)}")
@@ -67,10 +78,17 @@ def answer_words(p: ParameterAnswer) -> str:
     return f"{p.label}{of}: {plus_minus(p.value, p.std_total, p.unit)}"
 
 
+def meant_words(p: ParameterAnswer) -> str:
+    """The mean strength that a strength ratio means."""
+    assert p.strength_kpa is not None and p.strength_std_kpa is not None
+    mean = plus_minus(p.strength_kpa, p.strength_std_kpa, "kPa")
+    return f"mean S_r {mean} at σ'_v0 {p.sigma_v0_kpa:.0f} kPa"
+
+
 def _bound(p: ParameterAnswer) -> str:
     """A strength of which only a lower bound is known."""
     ratio = ""
-    if p.ratio_lower_bound_95 is not None:
+    if p.ratio_lower_bound_95 is not None and p.strength_kpa is None:
         ratio = f", S_r/σ'_v0 ≥ {p.ratio_lower_bound_95:.3f}"
     limit = plus_minus(p.value, p.std_total, p.unit)
     return (
@@ -86,7 +104,7 @@ def _equally_good(parameter: ParameterAnswer) -> str:
     low, high = parameter.equally_good_range
     if high - low < WIDE * abs(parameter.value):
         return ""
-    return f", equally good from {span(low, high)}"
+    return f", equally good from {span(low, high, places_of(parameter.unit))}"
 
 
 def _water(data: BackAnalysisData) -> str:
@@ -113,8 +131,7 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
     ]
     corrected = "The difference at the answer" if found.settled else "The mean difference"
     added = [
-        f"{p.label} ± {with_unit(f'{found.answer_std[p.name]:.2g}', p.unit)}"
-        for p in data.strengths or data.result.answer.parameters
+        f"{p.label} ± {with_unit(f'{found.answer_std[p.name]:.2g}', p.unit)}" for p in data.answers
     ]
     return [
         f"The simulator is {found.model}, differentiated through the whole rollout. It was "
@@ -141,6 +158,11 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
         f"± is one standard deviation and {included}. "
         "Ratios refer to the mean vertical effective stress of the zone before failure."
     ]
+    if data.ratios:
+        said.append(
+            "A strength ratio gives each point the ratio times its own vertical effective stress "
+            "before failure; the mean S_r next to it is that ratio times the mean stress."
+        )
     bounds = [p.label for p in data.strengths if p.lower_bound_95 is not None]
     if bounds:
         said.append(
@@ -149,7 +171,9 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
             "every assumption counted. Nothing says how much stronger the soil is."
         )
     ranges = [
-        f"{p.label} {span(*p.interval_95)} kPa" for p in data.strengths if p.lower_bound_95 is None
+        f"{p.label} {with_unit(str(span(*p.interval_95, places_of(p.unit))), p.unit)}"
+        for p in (*data.strengths, *data.ratios)
+        if p.lower_bound_95 is None
     ]
     if ranges:
         said.append(f"95 % range: {'; '.join(ranges)}.")
@@ -351,7 +375,7 @@ def spacing_sentences(data: BackAnalysisData) -> list[str]:
 
 def _checked(data: BackAnalysisData) -> str:
     """What the runs at the spacing of the answer gave where coarse ones had been taken."""
-    asked = [(p.name, p.std_total) for p in data.strengths or data.result.answer.parameters]
+    asked = [(p.name, p.std_total) for p in data.answers]
     found = []
     for what, both in (
         (
@@ -392,10 +416,10 @@ def undetermined_sentences(data: BackAnalysisData) -> list[str]:
             )
     for p in data.result.answer.parameters:
         if p.lower_bound_95 is not None:
+            least = with_unit(fixed(p.lower_bound_95, places_of(p.unit)), p.unit)
             said.append(
-                f"Of {p.label} the data give a lower bound alone, "
-                f"{with_unit(fixed(p.lower_bound_95), p.unit)}: any strength above the limit of "
-                "flow fits as well."
+                f"Of {p.label} the data give a lower bound alone, {least}: any strength above the "
+                "limit of flow fits as well."
             )
         elif not p.determined:
             basis = "its prior" if p.has_prior else f"its bounds, {p.low:g} to {p.high:g}"
@@ -403,22 +427,25 @@ def undetermined_sentences(data: BackAnalysisData) -> list[str]:
             said.append(
                 f"{p.label[:1].upper()}{p.label[1:]} is not identifiable from these measurements: "
                 f"{after} after the fit, {before} before ({basis}). "
-                f"The value {p.value:.1f} is where the search ended."
+                f"The value {fixed(p.value, places_of(p.unit))} is where the search ended."
             )
     return said or ["The data determine every unknown."]
 
 
 def variant_sentence(data: BackAnalysisData) -> str:
     """The strength as asked, and its range over the variants of the question."""
-    if not data.result.variants or not data.strengths:
+    shown = [*data.strengths, *data.ratios]
+    if not data.result.variants or not shown:
         return ""
-    p = data.strengths[0]
+    p = shown[0]
     found = [(v.values[p.name], v.name) for v in data.result.variants]
-    low, high = min(found), max(found)
-    asked = f"{p.label}: {p.value:.1f} kPa as asked"
+    (low, low_name), (high, high_name) = min(found), max(found)
+    places = places_of(p.unit)
+    least, most = fixed(low, places), with_unit(fixed(high, places), p.unit)
+    asked = f"{p.label}: {with_unit(fixed(p.value, places), p.unit)} as asked"
     if len(found) == 1:
-        return f"{asked}, {low[0]:.1f} kPa {low[1]}."
-    return f"{asked}; variants give {low[0]:.1f} ({low[1]}) to {high[0]:.1f} kPa ({high[1]})."
+        return f"{asked}, {most} {low_name}."
+    return f"{asked}; variants give {least} ({low_name}) to {most} ({high_name})."
 
 
 def waterfall_sentence(data: BackAnalysisData) -> str:
@@ -430,13 +457,11 @@ def waterfall_sentence(data: BackAnalysisData) -> str:
     if found.stated is not None:
         bars = [(found.stated.name, found.stated.value), *bars]
     (p,) = [p for p in data.result.answer.parameters if p.name == found.parameter]
-    unit = unit_of(p.unit)
+    unit, places = f" {unit_of(p.unit)}" if p.unit else "", places_of(p.unit)
     changes = [
         (after - before, name) for (_, before), (name, after) in zip(bars, bars[1:], strict=False)
     ]
     most = ranked(changes, lambda one: abs(one[0]))[:3]
-    listed = ", ".join(f"{name} ({change:+.1f})" for change, name in most)
-    return (
-        f"{p.label}: from {bars[0][1]:.1f} {unit} ({bars[0][0]}) to {bars[-1][1]:.1f} {unit}. "
-        f"The largest changes: {listed}."
-    )
+    listed = ", ".join(f"{name} ({change:+.{places}f})" for change, name in most)
+    first, last = (f"{value:.{places}f}{unit}" for value in (bars[0][1], bars[-1][1]))
+    return f"{p.label}: from {first} ({bars[0][0]}) to {last}. The largest changes: {listed}."

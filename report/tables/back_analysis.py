@@ -17,6 +17,7 @@ from report.data.methods import slides
 from report.numbers import (
     fixed,
     limited,
+    places_of,
     plus_minus,
     root_mean_square,
     signed,
@@ -24,7 +25,7 @@ from report.numbers import (
     unit_of,
     with_unit,
 )
-from report.sentences.back_analysis import answer_words
+from report.sentences.back_analysis import answer_words, meant_words
 from report.sentences.implied_strengths import answer_band, asked_words, label_words
 from report.table import Table
 
@@ -42,21 +43,22 @@ def answer_table(data: BackAnalysisData) -> Table:
     """Every parameter with all its numbers."""
     rows = []
     for p in data.result.answer.parameters:
-        stress = None
+        stress, places = None, places_of(p.unit)
         if p.sigma_v0_kpa is not None:
             stress = f"{p.sigma_v0_kpa:.0f} (± {p.sigma_v0_std_kpa:.0f} within the zone)"
         notes = [] if p.determined else [f"not determined (± {p.prior_std:.2g} before)"]
         notes += [f"at its {p.at_bound} bound"] if p.at_bound else []
         bound = p.lower_bound_95 is not None
         notes += ["nothing runs from here on; 95 %: a lower bound"] if bound else []
+        notes += [meant_words(p)] if p.strength_kpa is not None else []
         rows.append(
             [
                 p.label,
-                with_unit(fixed(p.value), p.unit),
-                fixed(p.std_total),
-                fixed(p.std_data),
-                f"≥ {fixed(p.lower_bound_95)}" if bound else span(*p.interval_95),
-                None if p.equally_good_range is None else span(*p.equally_good_range),
+                with_unit(fixed(p.value, places), p.unit),
+                fixed(p.std_total, places),
+                fixed(p.std_data, places),
+                f"≥ {fixed(p.lower_bound_95, places)}" if bound else span(*p.interval_95, places),
+                None if p.equally_good_range is None else span(*p.equally_good_range, places),
                 _ratio(p),
                 stress,
                 f"{p.start:g} ({p.low:g} to {p.high:g})",
@@ -341,7 +343,7 @@ def variant_table(data: BackAnalysisData) -> Table:
         rows.append(
             [
                 variant.name,
-                *(fixed(variant.values[p.name]) for p in parameters),
+                *(fixed(variant.values[p.name], places_of(p.unit)) for p in parameters),
                 ", ".join(f"{ratio:.3f}" for ratio in variant.ratios.values()),
                 predicted,
                 f"{variant.loss:.2g}",
@@ -374,7 +376,7 @@ def waterfall_table(data: BackAnalysisData) -> Table:
         rows.append(
             [
                 stated.name,
-                fixed(stated.value),
+                fixed(stated.value, places_of(p.unit)),
                 None,
                 *[None] * len(seen),
                 *[None for _ in _spacing(data)],
@@ -385,11 +387,11 @@ def waterfall_table(data: BackAnalysisData) -> Table:
     for bar in found.bars:
         notes = [] if bar.reached else ["not fitted"]
         notes += [f"at its {bar.at_bound} bound"] if bar.at_bound else []
-        change = None if before is None else f"{bar.value - before:+.1f}"
+        change = None if before is None else f"{bar.value - before:+.{places_of(p.unit)}f}"
         rows.append(
             [
                 bar.name,
-                fixed(bar.value),
+                fixed(bar.value, places_of(p.unit)),
                 change,
                 *(fixed(bar.predicted.get(name)) for name in seen),
                 *_spacing(data, bar.spacing_m),
@@ -413,28 +415,30 @@ def sensitivity_tables(
 
 
 def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
-    coarse = data.result.coarse_spacing_m
+    coarse, places = data.result.coarse_spacing_m, places_of(p.unit) + 1
     rows: list[list[str | None]] = [
         [
             "survey",
             "errors of the fitted measurements",
             None,
-            f"{p.std_data:.2f}",
+            f"{p.std_data:.{places}f}",
             *_spacing(data, data.result.spacing_m),
             *([None] if coarse else []),
         ]
     ]
     for entry in data.result.sensitivities:
-        added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.2f}"
+        added = "not added" if entry.kind == "target" else f"{entry.std[p.name]:.{places}f}"
         for number, side in enumerate(entry.sides):
             fit = "" if side.reached else " (not fitted: linear estimate)"
             name, its = (entry.name, added) if number == 0 else ("", "")
-            both = None if side.coarse_change is None else signed(side.coarse_change[p.name], 2)
+            both = (
+                None if side.coarse_change is None else signed(side.coarse_change[p.name], places)
+            )
             rows.append(
                 [
                     name,
                     f"{side.words}{fit}",
-                    signed(side.change[p.name], 2),
+                    signed(side.change[p.name], places),
                     its,
                     *_spacing(data, side.spacing_m),
                     *([both] if coarse else []),
@@ -447,7 +451,7 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
                 CELLS,
                 cells.words.removeprefix(f"{CELLS}: "),
                 None,
-                f"{p.std_by_source[CELLS]:.2f}",
+                f"{p.std_by_source[CELLS]:.{places}f}",
                 *_spacing(data, cells.spacing_m),
                 *([None] if coarse else []),
             ]
@@ -460,7 +464,7 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
                 NOISE_SOURCE,
                 seeds,
                 None,
-                f"{std:.2f}",
+                f"{std:.{places}f}",
                 *_spacing(data, data.result.noise.spacing_m),
                 *([None] if coarse else []),
             ]
@@ -470,16 +474,16 @@ def _sensitivity_table(data: BackAnalysisData, p: ParameterAnswer) -> Table:
             "total",
             "root of the sum of squares",
             None,
-            f"{p.std_total:.2f}",
+            f"{p.std_total:.{places}f}",
             *([None, None] if coarse else []),
         ]
     )
-    unit = unit_of(p.unit)
+    unit = f" ({unit_of(p.unit)})" if p.unit else ""
     header = [
         "assumption",
         "what was changed",
-        f"change ({unit})",
-        f"adds ± ({unit})",
+        f"change{unit}",
+        f"adds ±{unit}",
         *_spacing(data),
         *([f"change at {coarse:g} m"] if coarse else []),
     ]
@@ -627,7 +631,7 @@ def _unknowns(data: BackAnalysisData) -> list[ParameterAnswer]:
 
 
 def _columns(parameters: Sequence[ParameterAnswer]) -> list[str]:
-    return [f"{p.label} ({unit_of(p.unit)})" for p in parameters]
+    return [f"{p.label} ({unit_of(p.unit)})" if p.unit else p.label for p in parameters]
 
 
 def _predicted(predicted: dict[str, float], fitted: Sequence[MeasurementAnswer]) -> list:

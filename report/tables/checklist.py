@@ -87,7 +87,7 @@ def unchecked(table: Table) -> str:
 
 def back_analysis_checklist(data: BackAnalysisData) -> Table:
     """Unknowns, measurements, soils, water, outline, numerics and model of a back-analysis."""
-    shown = (data.strengths or data.result.answer.parameters)[:MOST_STRENGTHS]
+    shown = data.answers[:MOST_STRENGTHS]
     rows = [
         *_unknowns(data),
         *_measurements(data, shown),
@@ -96,7 +96,8 @@ def back_analysis_checklist(data: BackAnalysisData) -> Table:
         *_model(data),
     ]
     units = ", ".join(dict.fromkeys(unit_of(p.unit) for p in shown))
-    return _table("value", f"moves the answer by ({units})", [p.label for p in shown], rows)
+    moves = f"moves the answer by ({units})" if units else "moves the answer by"
+    return _table("value", moves, [p.label for p in shown], rows)
 
 
 def _table(value: str, moves: str, strengths: Sequence[str], rows: Sequence[Row]) -> Table:
@@ -268,6 +269,8 @@ def _of_case(data: BackAnalysisData, case: Case) -> Iterator[Row]:
 
 
 def _strength(soil: Material) -> str:
+    if soil.strength_ratio is not None:
+        return f"S_r/σ'_v0 {soil.strength_ratio:g}, at least {soil.cohesion_kpa:g} kPa"
     if soil.friction_deg == 0:
         return f"{soil.cohesion_kpa:g} kPa"
     return f"friction {soil.friction_deg:g}°, cohesion {soil.cohesion_kpa:g} kPa"

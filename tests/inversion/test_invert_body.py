@@ -16,12 +16,13 @@ from geometry.terrain.raster import Raster, read_raster, write_raster
 from inversion.back_analysis.body_case import body_case
 from inversion.back_analysis.by_engine import back_analysis_by, chosen_engine
 from inversion.back_analysis.result import load_result
+from inversion.back_analysis.variants import vary
 from inversion.engines.body_engine import BodyEngine, BodyStore, run_key_3d
 from inversion.engines.body_setup import BodySetup
 from inversion.engines.run_store import RunStore
 from inversion.estimation.data import Targets
 from inversion.estimation.unknowns import Parameters
-from inversion.problem.question import Question, load_question
+from inversion.problem.question import FLOOR_KPA, Question, Variant, load_question
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import write_text, yaml_text
@@ -273,3 +274,24 @@ def test_without_a_survey_there_is_nothing_to_fit(tmp_path):
     (folder / FILE_NAME).unlink()
     with pytest.raises(InputError, match=FILE_NAME):
         main(["invert", str(folder), "--out", str(tmp_path / "out"), "--quiet"])
+
+
+def test_a_strength_ratio_of_a_body_is_of_its_settled_stress(tmp_path):
+    ratio = {**STRENGTH, "property": "strength_ratio", "start": 0.1, "low": 0.02, "high": 0.5}
+    scene = load_scene_3d(slide(tmp_path / "dam"))
+    settings = load_config(None).simulation.model_copy(update={"duration_s": 0.5})
+    parameters = Parameters(Question(parameters=[ratio]).parameters)
+    nothing = Targets([], [], np.zeros(0), np.zeros((0, 0)), [])
+    setup = BodySetup(scene, settings, parameters, nothing)
+    soils = {one.name: one for one in setup.scene_at(np.array([0.2])).soil.zones}
+    materials = setup.scene_at(np.array([0.2])).soil.materials
+    slimes = materials[soils["slimes"].material]
+    assert (slimes.strength_ratio, slimes.cohesion_kpa) == (0.2, FLOOR_KPA)
+    assert materials[soils["dam"].material].strength_ratio is None
+    kept = BodyEngine(BodyStore(tmp_path / "runs", threads=1)).kept_maps(setup.at(np.array([0.2])))
+    assert not kept.reason
+    mean, _ = setup._stress(kept)
+    assert mean == pytest.approx([kept.stress_kpa["slimes"][1]]) and 10.0 < mean[0] < 80.0
+    variant = Variant(name="other", property="residual_strength_kpa")
+    with pytest.raises(InputError, match="property: not available in three dimensions"):
+        vary(setup, variant, nothing, "here")

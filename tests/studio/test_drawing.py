@@ -213,6 +213,29 @@ def test_the_values_of_the_sliders_are_kept_in_the_case(address, browser, worksp
     assert not page.errors
 
 
+def test_a_strength_is_asked_and_stated_as_a_ratio(address, browser, workspace):
+    page = watched(browser)
+    page.goto(address)
+    opened(page)
+    page.get_by_role("tab", name="Survey").click()
+    reading = page.locator("#survey-right").get_by_label(re.compile("how the strength of .* asked"))
+    reading.first.select_option("strength_ratio")
+    saved(page)
+    folder = workspace.folder / "small"
+    asked = read_yaml(folder / "inversion.yaml")["parameters"][0]
+    assert asked["property"] == "strength_ratio"
+    assert (asked["low"], asked["start"], asked["high"]) == (0.02, 0.1, 0.5)
+    page.get_by_role("tab", name="Section").click()
+    page.locator("#section-left details.material").first.locator("summary").first.click()
+    fill(page, "strength ratio of loose", 0.12)
+    saved(page)
+    assert read_yaml(folder / "scene.yaml")["materials"]["loose"]["strength_ratio"] == 0.12
+    expect(page.locator("#section-left")).to_contain_text("S_r/σ′v0 0.12")
+    page.get_by_role("tab", name="Slide").click()
+    expect(page.get_by_label("S_r, loose [kPa]")).to_have_count(0)
+    assert not page.errors
+
+
 def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, workspace):
     first = watched(browser)
     first.goto(address)

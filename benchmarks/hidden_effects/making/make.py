@@ -21,7 +21,6 @@ from benchmarks.hidden_effects.making.surveys import PROFILE_FILE
 from benchmarks.hidden_effects.making.truth import Made, Maker
 from benchmarks.hidden_effects.scoring.records import read_reach, read_sealed, read_truth
 from geometry.scenes.scene import save_scene
-from inversion.problem.question import material_key
 from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError
 from pipeline.files import write_json, write_text, yaml_text
@@ -166,9 +165,7 @@ def write_case(
     """Write what a diagnosis sees: section, survey and question, with first guesses put in."""
     folder = places.case(planned.name)
     guesses = [
-        (zone, material_key(spec.property), spec.start)
-        for spec in section.question.parameters
-        for zone in spec.zones
+        change for spec in section.question.parameters for change in spec.changes(spec.start)
     ]
     save_scene(with_properties(section.scene, guesses), folder / "scene.yaml")
     rows = [f"{x:.2f},{y:.3f}" for x, y in made.profile]

@@ -10,7 +10,7 @@ import { el } from "./ui.js";
 function groups({ found, changes }) {
   const now = (material) => changes.strengths_kpa[material] ?? found.scene.materials[material].cohesion_kpa;
   const ofZone = (name) => found.scene.zones.find((zone) => zone.name === name)?.material;
-  const asked = (found.inversion?.parameters ?? []).filter((one) => one.property === "residual_strength_kpa");
+  const asked = (found.inversion?.parameters ?? []).filter((one) => ["residual_strength_kpa", "strength_ratio"].includes(one.property));
   if (asked.length) {
     return asked.map((one) => ({ label: one.label || `S_r of ${one.zones.join(", ")}`, zones: one.zones, mean: now(ofZone(one.zones[0])) }));
   }

@@ -8,7 +8,7 @@ import { button, el, field, isRefilling, keyWords, readOnly, refill } from "./ui
 import { zoneColours } from "./view.js";
 import { poolSide, setPool, tableOfPool, waterWords } from "./water.js";
 
-const FIRST = ["friction_deg", "cohesion_kpa", "density"]; // fields of a material that are always shown
+const FIRST = ["friction_deg", "cohesion_kpa", "strength_ratio", "density"]; // fields of a material that are always shown
 const SIDES = { left: "left side alone", right: "right side alone", both: "both sides", drawn: "as the water table is drawn" };
 const words = (name) => name.replaceAll("_", " ");
 
@@ -105,17 +105,20 @@ export class SectionPanel {
 
   material(scene, name) {
     const soil = scene.materials[name];
-    const fields = this.page.materials.filter(({ key }) => key !== "liquefied" && !(soil.liquefied && key === "friction_deg"));
+    const hasRatio = typeof soil.strength_ratio === "number";
+    const hidden = ["liquefied", soil.liquefied ? "friction_deg" : "strength_ratio"];
+    const fields = this.page.materials.filter(({ key }) => !hidden.includes(key));
     const one = ({ key, kind, default: usual, meaning }) => {
       let [label, unit] = keyWords(key);
-      if (key === "cohesion_kpa" && soil.liquefied) label = "S_r, first guess";
+      if (key === "cohesion_kpa" && soil.liquefied) label = hasRatio ? "least S_r" : "S_r, first guess";
       return field({ words: `${label} of ${words(name)}`, shown: label, key: `${name}.${key}`, kind, value: soil[key], unit, help: meaning, holder: usual ?? "",
         ...this.at("materials", name, key) },
         (value) => this.edit(label, (to) => { if (value === null) delete to.materials[name][key]; else to.materials[name][key] = value; }));
     };
     const first = fields.filter(({ key }) => FIRST.includes(key));
     const rest = fields.filter(({ key }) => !FIRST.includes(key));
-    const summary = soil.liquefied ? `S_r ${soil.cohesion_kpa ?? "?"} kPa`
+    const summary = hasRatio ? `S_r/σ′v0 ${soil.strength_ratio}`
+      : soil.liquefied ? `S_r ${soil.cohesion_kpa ?? "?"} kPa`
       : `${soil.friction_deg ?? "?"}°, ${soil.cohesion_kpa ?? "?"} kPa`;
     const missing = soil.cohesion_kpa === undefined || soil.friction_deg === undefined;
     return el("details", { className: "material", "data-key": `material-${name}`, open: missing },
@@ -128,7 +131,7 @@ export class SectionPanel {
       (value) => this.edit("liquefied", (to) => {
         const now = to.materials[name];
         if (value) Object.assign(now, { liquefied: true, friction_deg: 0 });
-        else { delete now.liquefied; delete now.friction_deg; }
+        else { delete now.liquefied; delete now.friction_deg; delete now.strength_ratio; }
       })),
       ...first.map(one),
       el("details", { "data-key": `more-${name}` }, el("summary", { textContent: "stiffness, density under water, source" }), ...rest.map(one)));

@@ -65,7 +65,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     const { strengths_kpa: strengths, friction_deg: frictions } = state.changes;
     // What liquefied first: it is what is looked for.
     const soils = Object.entries(scene.materials).sort(([, a], [, b]) => Boolean(b.liquefied) - Boolean(a.liquefied));
-    const rows = soils.map(([name, soil]) => {
+    // A strength ratio is the section's; a slider of S_r would replace it.
+    const rows = soils.filter(([, soil]) => typeof soil.strength_ratio !== "number").map(([name, soil]) => {
       const words = name.replaceAll("_", " ");
       if (soil.liquefied || soil.friction_deg === 0) {
         const label = soil.liquefied ? `S_r, ${words}` : `strength, ${words}`;
@@ -164,8 +165,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     for (const { property, zones, value } of values) {
       const materials = new Set(scene.zones.filter(({ name }) => zones.includes(name)).map(({ material }) => material));
       const others = scene.zones.filter(({ name, material }) => materials.has(material) && !zones.includes(name));
-      if (property === "density" || others.length) {
-        say(others.length ? `${others[0].name.replaceAll("_", " ")} is of the same soil, and has no such value: keep the answer to see it` : "no slider moves a density: keep the answer to see it", true);
+      if (property === "density" || property === "strength_ratio" || others.length) {
+        say(others.length ? `${others[0].name.replaceAll("_", " ")} is of the same soil, and has no such value: keep the answer to see it` : `no slider moves a ${property.replaceAll("_", " ")}: keep the answer to see it`, true);
         return;
       }
       if (property === "water_level") changes.water_level = view.level = short(value);
@@ -186,9 +187,18 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       for (const { property, zones, value } of values) {
         if (property === "water_level") { Object.assign(scene, { phreatic_line: waterTableAt(scene, short(value)), water_level: short(value) }); continue; }
         const own = ownMaterials(scene, zones);
-        for (const name of own) scene.materials[name][property === "residual_strength_kpa" ? "cohesion_kpa" : property] = short(value);
+        for (const name of own) setProperty(scene.materials[name], property, short(value), zones);
       }
     });
+  }
+
+  /** One S_r replaces a ratio; a ratio comes with the least strength that the question states, or the usual 0.1 kPa. */
+  function setProperty(soil, property, value, zones) {
+    if (property === "residual_strength_kpa") { soil.cohesion_kpa = value; delete soil.strength_ratio; return; }
+    soil[property] = value;
+    if (property !== "strength_ratio") return;
+    const asked = (state.found.inversion?.parameters ?? []).find((one) => one.property === property && one.zones.some((zone) => zones.includes(zone)));
+    soil.cohesion_kpa = asked?.floor_kpa ?? 0.1;
   }
 
   const short = (value) => Number(value.toPrecision(4));

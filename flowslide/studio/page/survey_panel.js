@@ -17,6 +17,8 @@ const STD_HELP = "One standard deviation: two thirds of repeated surveys would l
   + "a runout read from a map a tenth of it, a range from several papers a quarter of its width.";
 const BOUNDS = { low: "lower bound", start: "first guess", high: "upper bound" };
 const LOSSES = { runout: "the toes", misfit: "all that is fitted" };
+const READINGS = { residual_strength_kpa: "one S_r", strength_ratio: "a ratio S_r/σ′v0" };
+const RATIO = { property: "strength_ratio", low: 0.02, start: 0.1, high: 0.5 };
 const SHARE = 0.1; // of a length, where nobody states its error
 
 /** `page` has documents, editor, faults, forms (of measurements) and say(words, bad). */
@@ -183,6 +185,10 @@ export class SurveyPanel {
       ...inversion.parameters.map((one, i) => el("div", { className: "parameter" },
         el("p", {}, one.label || words(one.name), " ",
           button("✕", () => this.forget(i), { title: `do not ask for ${one.label || one.name}`, className: "small" })),
+        ...(one.property in READINGS ? [field({ words: `how the strength of ${one.label || one.name} is asked`, shown: "as", key: `${one.name}.property`,
+          kind: "choice", choices: Object.keys(READINGS), names: READINGS, value: one.property,
+          help: "one strength everywhere in its zones, or one that follows the vertical effective stress before the slide" },
+        (value) => this.askAs(i, value))] : []),
         ...["low", "start", "high"].map((key) => field({ words: `${BOUNDS[key]} of ${one.label ?? one.name}`, shown: BOUNDS[key], key: `${one.name}.${key}`, value: one[key], unit: keyWords(one.property)[1],
           ...this.at("inversion", "parameters", i, key) }, set(i, key))))),
       field({ words: "fitted to", kind: "choice", choices: ["runout", "misfit"], names: LOSSES, value: inversion.loss ?? "runout",
@@ -191,6 +197,17 @@ export class SurveyPanel {
       button("Ask as for a new case", () => this.page.propose(), { title: "S_r of every liquefied material, fitted to the toes; replaces what is asked now",
         disabled: !this.canPropose }),
     ];
+  }
+
+  /** A ratio in place of S_r, with the bounds of published flow slides and room; back: S_r as for a new case. */
+  askAs(i, property) {
+    if (property !== "strength_ratio") { this.page.propose(); return; }
+    this.page.documents.edit("strength ratio", (documents) => {
+      const now = documents.inversion.parameters[i];
+      Object.assign(now, RATIO, { name: now.name.replace(/^residual_strength/, "strength_ratio") });
+      if (now.label) now.label = now.label.replace(/^S_r of/, "S_r/σ'v0 of");
+      delete now.prior; // it was in kPa
+    });
   }
 
   /** Without any unknown nothing is asked, until section and survey hold together and S_r is proposed again. */

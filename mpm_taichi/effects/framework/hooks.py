@@ -11,8 +11,8 @@ the volumetric strain by which it is open under the tension cap [-]; pressure, m
 stress, plane_pressure, that of the two in the plane, and vertical, the vertical one; overburden,
 vertical effective stress before failure, and mean_overburden, its mean over the liquefied points
 (all five in Pa, compression positive); liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of
-its material; cell [m]; memory and field, the effect's own numbers. Of a node (`node`): place x,
-y [m]; time [s]; cell [m].
+its material, with a strength ratio that of the point; cell [m]; memory and field, the effect's own
+numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -27,6 +27,7 @@ from mpm_taichi.effects.framework.table import (
     COHESION,
     LIQUEFIED,
     OVERBURDEN,
+    RATIO,
     START_X,
     START_Y,
     TANGENT,
@@ -204,6 +205,21 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
             state.points.own_strength[p] = strength_constants(soil)
 
     @ti.func
+    def start_strength(p, state: A):
+        """Strength by the ratio of a point whose overburden has just been noted.
+
+        From here on it is the strength of its material, which effects then change.
+        """
+        facts = ti.static(state.points.facts)
+        if facts[p, RATIO] > 0.0:
+            at_depth = facts[p, RATIO] * facts[p, OVERBURDEN]
+            facts[p, COHESION] = ti.max(facts[p, COHESION], at_depth)
+            if ti.static(changes_strength):
+                state.points.own_strength[p] = strength_constants(
+                    Soil(friction=facts[p, TANGENT], cohesion=facts[p, COHESION], cap=facts[p, CAP])
+                )
+
+    @ti.func
     def resist(p, step: A, state: A, atomic: A):
         """Resistance of a point to its nodes."""
         points, numbers = ti.static((state.points, state.slots.effect_numbers))
@@ -256,6 +272,7 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
         resistance_mask=table.mask("resistance"),
         dilation_mask=table.mask("dilation"),
         renew_strength=renew_strength,
+        start_strength=start_strength,
         resist=resist,
         dilate=dilate,
         acceleration_at=acceleration_at,

@@ -146,13 +146,18 @@ def kernel_effects(scene: Scene) -> tuple[Effect, ...]:
     """The effects that the kernels of a scene know: none, or the library's and its own user's.
 
     Kernels depend only on this, so a scene's numbers do not depend on what other files a process
-    has loaded.
+    has loaded. A strength ratio needs points with a strength of their own, as effects do.
     """
     active = [one.effect for one in effects_on(scene)]
-    if not any(one.on_device for one in active):
+    if not any(one.on_device for one in active) and not has_strength_ratio(scene):
         return ()
     own = [one for one in active if one.on_device and one not in library()]
     return (*(one for one in library() if one.on_device), *own)
+
+
+def has_strength_ratio(scene: Scene) -> bool:
+    """Some soil has a strength in proportion to its stress before failure."""
+    return any(soil.strength_ratio is not None for soil in scene.materials.values())
 
 
 def acting_scene(scene: Scene, active: tuple[Active, ...]) -> Scene:

@@ -12,9 +12,10 @@ from mpm_taichi.effects.framework.base import Active, Effect
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
 
-# Columns of the facts of every point. The last three are its material's own strength.
-START_X, START_Y, OVERBURDEN, LIQUEFIED, TANGENT, COHESION, CAP = range(7)
-FACTS = 7
+# Columns of the facts of every point. The last four are its material's own strength; COHESION of a
+# soil with a strength ratio is the least that it has, until the overburden is known.
+START_X, START_Y, OVERBURDEN, LIQUEFIED, TANGENT, COHESION, CAP, RATIO = range(8)
+FACTS = 8
 """Columns before those of single effects."""
 
 
@@ -83,14 +84,15 @@ class EffectTable:
             active: the effects that are on.
             scene: the scene.
             position: (P, 2) [m].
-            soil: (P, 4): liquefied (1 or 0), tan(phi), cohesion [Pa], tension cap [Pa].
+            soil: (P, 5): liquefied (1 or 0), tan(phi), cohesion [Pa], tension cap [Pa], strength
+                ratio (0 without one).
 
         Returns:
             (P, facts) float32.
         """
         facts = np.zeros((len(position), self.facts), np.float32)
         facts[:, [START_X, START_Y]] = position
-        facts[:, LIQUEFIED : CAP + 1] = soil
+        facts[:, LIQUEFIED : RATIO + 1] = soil
         for one in active:
             if one.effect.field is not None and one.effect.on_device:
                 column = self.field[self.effects.index(one.effect)]

@@ -115,7 +115,7 @@ export function makeBody({ state, say, readings, ask }) {
     for (const { property, zones, value } of values) {
       const soils = new Set(all.filter(({ name }) => zones.includes(name)).map(({ material }) => material));
       const other = all.find(({ name, material }) => soils.has(material) && !zones.includes(name));
-      if (!/cohesion|strength/.test(property) || other) {
+      if (!/cohesion|strength/.test(property) || property === "strength_ratio" || other) {
         say(other ? `${other.name.replaceAll("_", " ")} is of the same soil, and has no such value: write the answer into scene3d.yaml to see it` : `${property.replaceAll("_", " ")}: no field on the left sets it; write the answer into scene3d.yaml to see it`, true);
         return;
       }

@@ -47,6 +47,10 @@ function facts({ volume_m3: volume, size_m: size, origin, duration_s: duration, 
 
 /** The cohesion of a material in the next run; that of the files is no change. */
 function strengthField([name, soil], changed, set) {
+  if (typeof soil.strength_ratio === "number") {
+    return field({ words: `S_r, ${spaced(name)}, instead of its ratio ${soil.strength_ratio}`, key: `strength-${name}`, unit: "kPa", value: changed[name] },
+      (value) => set(name, value));
+  }
   const label = soil.liquefied ? `S_r, ${spaced(name)}`
     : soil.friction_deg ? `cohesion, ${spaced(name)} (${soil.friction_deg}°)` : `strength, ${spaced(name)}`;
   return field({ words: label, key: `strength-${name}`, unit: "kPa", value: changed[name] ?? soil.cohesion_kpa },
