@@ -59,6 +59,8 @@ PLACES, HALF_LOG, HALF_DEGREES = (0.5, 1.0, 1.5), 0.04, 2.0
 MOST_MOVES = 3
 #: Runs between two on either side of the data, at most; how far from either end at least.
 MOST_BETWEEN, INSIDE = 8, (0.1, 0.9)
+#: Logarithms of a strength within which the runs of a search make one trend.
+TREND_LOG = 0.4
 #: Runs without which the functions are not known.
 LEAST_RUNS = 5
 
@@ -172,10 +174,32 @@ def between(search: Search, found: SearchResult) -> SearchResult:
     if best is found.best:
         return replace(found, runs=search.runs)
     last = search.evaluate(best.values, "gauss_newton", found.iterations + 1)
+    last = search.evaluations[-1] = _with_trend(search, last)
     reached = last.loss < objective.tolerance
     words = f"loss {last.loss:.2g} below the tolerance {objective.tolerance:g}" * reached
     words = words or met(search, last)
     return replace(found, best=last, reached=bool(words), words=words or NOISE, runs=search.runs)
+
+
+def _with_trend(search: Search, last: Linearised) -> Linearised:
+    """An evaluation with the slope of all runs around it, where one strength is unknown.
+
+    A difference of two near runs was no guide, so it is none for the error of the answer either.
+    """
+    if len(last.values) > 1 or not search.objective.parameters.logarithmic[0]:
+        return last
+    around = [
+        one
+        for one in search.evaluations
+        if np.isfinite(one.loss) and abs(np.log(one.values[0] / last.values[0])) <= TREND_LOG
+    ]
+    values = np.array([one.values[0] for one in around])
+    if np.ptp(values) < abs(last.steps[0]):
+        return last
+    numbers = np.array([one.prediction.values for one in around])
+    away = values - values.mean()
+    slope = away @ numbers / (away @ away)
+    return replace(last, derivative=slope[:, None], steps=np.array([np.ptp(values)]))
 
 
 def _beyond(search: Search, best: Evaluation) -> Evaluation | None:
