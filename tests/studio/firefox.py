@@ -20,7 +20,7 @@ from typing import Any
 from websockets.sync.client import connect
 
 FIREFOX = shutil.which("firefox-esr") or shutil.which("firefox")
-WAIT_S = 40.0
+WAIT_S = 120.0
 LISTENS = re.compile(r"WebDriver BiDi listening on (ws://\S+)")
 #: Keys of WebDriver by the names that a browser gives them.
 KEYS = {
