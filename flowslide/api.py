@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
     from mpm_taichi.readings3d import Maps
+    from mpm_taichi.solver3d.problem import Problem3d
     from mpm_taichi.trajectory import Run as SimulatedRun
     from mpm_taichi.trajectory3d import Run3d
 
@@ -213,6 +214,7 @@ class Simulation3d:
 
     Attributes:
         scene: what `scene3d.yaml` says.
+        problem: its points before the slide, ground and water.
         run: the trajectory: `positions` (T, N, 3) [m], `time` (T,) [s] of N material points.
         maps: ground, thickness before and after, largest speed.
         readings: name with unit -> number; NaN where there is nothing to read.
@@ -220,6 +222,7 @@ class Simulation3d:
     """
 
     scene: Scene3d
+    problem: Problem3d
     run: Run3d
     maps: Maps
     readings: dict[str, float]
@@ -294,7 +297,7 @@ def simulate_3d(
         raise WorkFailed(f"{problem.name}: {run.reason}")
     maps = maps_of(described, problem, run)
     readings = readings_3d(described, problem, run, maps)
-    done = Simulation3d(described, run, maps, readings, walls_reached(described, maps))
+    done = Simulation3d(described, problem, run, maps, readings, walls_reached(described, maps))
     if folder is not None:
         if moving is not None:
             chosen = chosen_frames(len(run.time))

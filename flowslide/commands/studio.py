@@ -42,7 +42,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Serve until it is stopped."""
     import webbrowser
     from contextlib import suppress
-    from tempfile import TemporaryDirectory
     from threading import Thread
 
     import uvicorn
@@ -50,13 +49,18 @@ def run(arguments: argparse.Namespace) -> None:
     from flowslide.studio.app import MOST_BYTES, studio
     from flowslide.studio.live_process import LiveProcess
     from flowslide.studio.security import new_token, write_opening
+    from flowslide.studio.temporary import (
+        clear_left_behind,
+        ended_in_order,
+        temporary_folder,
+    )
     from pipeline.cli import InputError
 
     workspace, first = workspace_of(arguments.case)
     listener = listen(arguments.port, workspace.folder)
     port, token = listener.getsockname()[1], new_token()
     live, ahead = LiveProcess(arguments.threads), LiveProcess(1, "forecast")
-    app = studio(workspace, live, token=token, port=port, first=first, forecaster=ahead)
+    app = studio(workspace, live, token=token, first=first, forecaster=ahead)
     address = f"http://127.0.0.1:{port}/?token={token}"
     print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)
     if first:
@@ -75,9 +79,10 @@ def run(arguments: argparse.Namespace) -> None:
         )
     )
     try:
-        with suppress(KeyboardInterrupt), TemporaryDirectory(prefix="flowslide_studio_") as folder:
+        with suppress(KeyboardInterrupt), ended_in_order(), temporary_folder() as folder:
+            clear_left_behind()
             if not arguments.no_browser:  # some end only when they are closed
-                page = write_opening(Path(folder), address).as_uri()
+                page = write_opening(folder, address).as_uri()
                 Thread(target=webbrowser.open, args=(page,), daemon=True).start()
             server.run(sockets=[listener])  # until Ctrl-C
     finally:

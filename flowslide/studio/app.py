@@ -12,7 +12,6 @@ import re
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from starlette.applications import Starlette
@@ -29,6 +28,7 @@ from flowslide.studio.forms import material_fields, measurement_forms
 from flowslide.studio.jobs import KINDS, Jobs
 from flowslide.studio.live import PATIENCE_S, Asked, Question, Solver, question
 from flowslide.studio.security import Guard
+from flowslide.studio.temporary import temporary_folder
 from flowslide.studio.units import FIELD_UNITS
 from flowslide.studio.workspace import Workspace
 from geometry.scenes.drawings import FORMATS, read_section, reading, section_document
@@ -53,7 +53,6 @@ def studio(
     live: Solver,
     *,
     token: str,
-    port: int,
     first: str = "",
     forecaster: Solver | None = None,
 ) -> ASGIApp:
@@ -64,7 +63,6 @@ def studio(
         first: case that is shown first; empty: any.
         live: that answers the sliders.
         token: that the browser must know.
-        port: that it is served on.
         forecaster: that says at once about what the answer will be; None: nothing does.
     """
     own = _Studio(workspace, Jobs(workspace, live.threads), live, first, forecaster)
@@ -97,7 +95,7 @@ def studio(
         WebSocketRoute("/api/live", own.sliders),
         Mount("/", StaticFiles(directory=PAGE)),
     ]
-    return Guard(Starlette(routes=routes), token=token, port=port)
+    return Guard(Starlette(routes=routes), token=token)
 
 
 def _answering(handler: Handler) -> Handler:
@@ -448,8 +446,8 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def _drawn(name: str, content: bytes, unit: str | None) -> dict[str, Any]:
-    with TemporaryDirectory(prefix="flowslide_import_") as folder:
-        path = Path(folder) / name
+    with temporary_folder() as folder:
+        path = folder / name
         path.write_bytes(content)
         try:
             section = read_section(path)

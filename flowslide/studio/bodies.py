@@ -33,7 +33,7 @@ from geometry.survey3d.survey import Survey3d, load_survey
 from geometry.terrain.raster import BESIDE
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
 from mpm_taichi.readings3d import maps_of, paths_of
-from mpm_taichi.solver3d.problem import Problem3d, problem_of
+from mpm_taichi.solver3d.problem import Problem3d, has_sloping_water, problem_of
 from pipeline.cli import InputError
 from pipeline.files import content_hash, make_folder, read_text, read_yaml
 from pipeline.places import CASES, shipped
@@ -56,12 +56,6 @@ class Filled:
 
     scene: Scene3d
     problem: Problem3d
-
-    @property
-    def has_sloping_water(self) -> bool:
-        """Its level slopes, so that it stays where it is while the soil moves."""
-        water = self.problem.water
-        return water is not None and bool(np.ptp(water.values) > 0.0)
 
 
 class Bodies:
@@ -319,7 +313,7 @@ def _described(filled: Filled) -> dict[str, Any]:
             "duration_s": document.duration_s,
             "least_m": threshold(scene.spacing),
             "water_level": soil.water_level,
-            "sloping_water": filled.has_sloping_water,
+            "sloping_water": has_sloping_water(scene),
             "paths": {name: way.tolist() for name, way in paths_of(scene, maps).items()},
             "lines": {name: [list(end) for end in line] for name, line in document.lines.items()},
         },

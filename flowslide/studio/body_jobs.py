@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypedDict
 
-from flowslide.studio.bodies import SECTION_FILE, Filled, load_survey_of
+from flowslide.studio.bodies import SECTION_FILE, load_survey_of
 from flowslide.studio.body_maps import (
     exceedance_message,
     measured_surface,
@@ -14,10 +14,10 @@ from flowslide.studio.body_maps import (
     slide_message,
 )
 from flowslide.studio.jobs import RESULTS, Job
-from geometry.scenes3d.scene3d import FILE_NAME, load_scene_3d
+from geometry.scenes3d.scene3d import FILE_NAME, Scene3d, load_scene_3d
 from geometry.survey3d.survey import FILE_NAME as SURVEY_FILE
 from geometry.terrain.raster import read_raster
-from mpm_taichi.solver3d.problem import problem_of
+from mpm_taichi.solver3d.problem import has_sloping_water, problem_of
 from pipeline.cli import InputError
 from pipeline.config import Config, load_config
 from pipeline.files import atomic_path
@@ -54,8 +54,9 @@ def work(
         InputError: the body does not have what is asked.
         WorkFailed: the solver stopped a run.
     """
-    filled = _filled(Path(job.folder), job.options.spacing_m)
-    settings = load_config(None, [FIXED_WATER] if filled.has_sloping_water else [])
+    scene = load_scene_3d(Path(job.folder), spacing=job.options.spacing_m)
+    slopes = has_sloping_water(scene)
+    settings = load_config(None, [FIXED_WATER] if slopes else [])
     common: _Common = {
         "out": out,
         "progress": progress,
@@ -65,26 +66,21 @@ def work(
     }
     match job.kind:
         case "simulate":
-            found = _simulate(job, filled, common)
+            found = _simulate(job, common)
         case "back_analyse":
             found = _back_analyse(job, common, evaluated)
         case "posterior":
             found = _posterior(job, common)
         case "predict":
-            found = _predict(job, filled, common)
+            found = _predict(job, scene, common)
         case _:
             raise InputError(f"kind {job.kind!r}: not in three dimensions")
-    if filled.has_sloping_water:
+    if slopes:
         found["answer"].append(FIXED_WORDS)
     return found
 
 
-def _filled(folder: Path, spacing_m: float | None) -> Filled:
-    scene = load_scene_3d(folder, spacing=spacing_m)
-    return Filled(scene, problem_of(scene))
-
-
-def _simulate(job: Job, filled: Filled, common: _Common) -> Found:
+def _simulate(job: Job, common: _Common) -> Found:
     """A run with its page, and its film as the page shows it."""
     import flowslide
     from flowslide.studio import job_answers
@@ -95,7 +91,7 @@ def _simulate(job: Job, filled: Filled, common: _Common) -> Found:
     entries = [] if survey is None else survey.chosen()
     shown = slide_message(
         done.scene,
-        filled.problem,
+        done.problem,
         done.run,
         reading_rows(done.scene, done.maps, done.readings, entries),
         done.walls,
@@ -134,13 +130,13 @@ def _posterior(job: Job, common: _Common) -> Found:
     return job_answers.posterior(flowslide.posterior(place, engine=engine, **common))
 
 
-def _predict(job: Job, filled: Filled, common: _Common) -> Found:
+def _predict(job: Job, scene: Scene3d, common: _Common) -> Found:
     """A prediction, and its exceedance maps as the page shows them."""
     import flowslide
     from flowslide.studio import job_answers
     from report.prediction3d import doubts, raster_name
 
-    out, drawn, scene = common["out"], job.options.posterior, filled.scene
+    out, drawn = common["out"], job.options.posterior
     document = flowslide.predict(
         Path(job.folder) / FILE_NAME,
         job.options.strengths,
@@ -155,7 +151,7 @@ def _predict(job: Job, filled: Filled, common: _Common) -> Found:
     }
     if all(path.is_file() for path in rasters.values()):  # written with the extra `terrain` alone
         maps = {key: read_raster(path, origin=scene.origin) for key, path in rasters.items()}
-        _write(out / EXCEEDANCE, exceedance_message(scene, filled.problem, maps, job=job.id))
+        _write(out / EXCEEDANCE, exceedance_message(scene, problem_of(scene), maps, job=job.id))
     found = job_answers.prediction(document)
     found["answer"] += [f"{line[0].upper()}{line[1:]}." for line in doubts(document)]
     return found

@@ -6,12 +6,16 @@ of this one nor pages of other sites that are open in the same browser. Hence:
 - a random token in the address; opening it once sets a cookie, and everything needs the cookie.
   A browser is given the address in a file that nobody else can read, since every user of a machine
   sees the words that a program was started with;
-- `Host` must be ours, or a name that was made to point here could read everything (DNS rebinding);
-- whatever changes something, and the WebSocket, needs an `Origin` that is ours.
+- `Host` must be a name of the loopback address itself, or a name that was made to point here could
+  read everything (DNS rebinding). Its port is that of the browser's end of the way here, which
+  `ssh -L` may give another number than the server's;
+- whatever changes something, and the WebSocket, needs the `Origin` of the page that this address
+  shows: another port of this machine is another program's page.
 """
 
 from __future__ import annotations
 
+import re
 import secrets
 from html import escape
 from http.cookies import CookieError, SimpleCookie
@@ -22,7 +26,10 @@ from starlette.datastructures import Headers
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-#: With the port in its name: a browser sends a cookie to all ports, and two studios may be open.
+#: Names of the loopback address, with the port that the browser has opened.
+HOST = re.compile(r"(?:127\.0\.0\.1|localhost|\[::1\])(?::(\d{1,5}))?")
+#: With that port in its name: a browser sends a cookie to all ports, and two studios may be open,
+#: on two machines with the same port there.
 COOKIE = "flowslide_studio_{port}"
 SAFE = ("GET", "HEAD")
 #: Scripts, styles and pictures of ours alone; `blob:` is a picture that the page made.
@@ -59,10 +66,8 @@ def _leading_to(address: str) -> str:
 class Guard:
     """ASGI middleware that refuses everything that is not from the studio's own page."""
 
-    def __init__(self, app: ASGIApp, *, token: str, port: int) -> None:
-        self.app, self.token, self.cookie = app, token, COOKIE.format(port=port)
-        self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
-        self.origins = {f"http://{host}" for host in self.hosts}
+    def __init__(self, app: ASGIApp, *, token: str) -> None:
+        self.app, self.token = app, token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, refuse, or pass on."""
@@ -80,20 +85,22 @@ class Guard:
     def _refusal(self, scope: Scope) -> Response | None:
         """What is answered in place of the page; None: go on."""
         headers = Headers(scope=scope)
-        if headers.get("host", "") not in self.hosts:
+        host = HOST.fullmatch(headers.get("host", ""))
+        if host is None:
             return _no("this address is not the studio's")
+        cookie = COOKIE.format(port=host[1] or 80)
         shown = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
         opening = scope["type"] == "http" and scope["path"] == "/" and shown
         if opening and self._is_token(shown):
             # Not a redirect: the cookie, which is strict, would not go along where the browser came
             # from a file.
             answer = HTMLResponse(_leading_to("/"))
-            answer.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
+            answer.set_cookie(cookie, self.token, httponly=True, samesite="strict")
             return answer
-        if not self._is_token(_cookie(headers, self.cookie)):
+        if not self._is_token(_cookie(headers, cookie)):
             return _no("open the studio by the address that `flowslide studio` printed")
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
-        if changes and headers.get("origin", "") not in self.origins:
+        if changes and headers.get("origin", "") != f"http://{host[0]}":
             return _no("this request comes from another page")
         return None
 

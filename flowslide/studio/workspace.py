@@ -19,7 +19,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
@@ -40,6 +39,7 @@ from flowslide.studio.faults import (
     other_faults,
     section_faults,
 )
+from flowslide.studio.temporary import temporary_folder
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.scenes.doubts import doubts, thin_layers
 from geometry.scenes.fill import point_count
@@ -281,8 +281,7 @@ class Workspace:
     @contextmanager
     def _as_folder(self, name: str, documents: Mapping[str, Any]) -> Iterator[Path]:
         """A folder with these documents and with whatever other files the case has."""
-        with TemporaryDirectory(prefix="flowslide_studio_") as temporary:
-            folder = Path(temporary)
+        with temporary_folder() as folder:
             try:
                 others = list(self.source(name).iterdir())
             except InputError:

@@ -86,13 +86,8 @@ def extruded(
     velocity = np.zeros((count, rows, 3))
     velocity[:, :, (0, 2)] = points.velocity[:, None]
     domain = scene.domain
-    fine = scene.cell_size / 8
-    places = np.arange(domain.x_min, domain.x_max + fine, fine)
+    fine, places = _fine_places(scene)
     base = Raster((domain.x_min, 0.0), fine, scene.ground.height(places)[:, None])
-    water = None
-    if scene.has_water:
-        level = scene.phreatic_level(places)
-        water = Raster((domain.x_min, 0.0), fine, np.asarray(level)[:, None])
     problem = Problem3d(
         name=scene.name,
         spacing=scene.spacing,
@@ -106,7 +101,7 @@ def extruded(
         contact=scene.ground.contact,
         friction_coefficient=scene.ground.friction_coefficient or 0.0,
         flanks=flanks,
-        water=water,
+        water=_water_of(scene),
         velocity=velocity.reshape(-1, 3) if thrown else None,
         cells_per_spacing=scene.cell_size / scene.spacing,
     )
@@ -126,6 +121,29 @@ def extruded(
         zone=problem.zone[kept],
         velocity=None if problem.velocity is None else problem.velocity[kept],
     )
+
+
+def _fine_places(scene: Scene) -> tuple[float, np.ndarray]:
+    """Places along a section at which its ground and its water are read [m], and their distance."""
+    fine = scene.cell_size / 8
+    return fine, np.arange(scene.domain.x_min, scene.domain.x_max + fine, fine)
+
+
+def _water_of(scene: Scene) -> Raster | None:
+    """Level of pool and groundwater of a section [m]; None: no water."""
+    if not scene.has_water:
+        return None
+    fine, places = _fine_places(scene)
+    level = np.asarray(scene.phreatic_level(places))
+    return Raster((scene.domain.x_min, 0.0), fine, level[:, None])
+
+
+def has_sloping_water(scene: Scene3d) -> bool:
+    """The level of pool and groundwater is not the same everywhere; no point is filled for it."""
+    if scene.section is None:
+        return False  # between rasters there is one level
+    water = _water_of(scene.section)
+    return water is not None and bool(np.ptp(water.values) > 0.0)
 
 
 def problem_of(scene: Scene3d) -> Problem3d:

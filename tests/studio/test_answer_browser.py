@@ -99,7 +99,7 @@ def _diagnosed(workspace, tilt: str = "tried alone") -> None:
     write_json(folder / "job.json", job.model_dump(mode="json"))
     common = {"unit": "", "words": "what it is"}
     each = [
-        {"name": "rate_strengthening", "amplitude": 0.4, "told": "0.4", "how": "named",
+        {"name": "rate_strengthening", "amplitude": 0.40004567891, "told": "0.4", "how": "named",
          "values": {"strength": 6.0}, **common},
         {"name": "strain_softening", "amplitude": 0.5, "told": "0.5", "how": "tried alone",
          "values": {"strength": 9.0}, **common},
@@ -148,6 +148,7 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
     expect(rate).to_have_attribute("aria-checked", "true")
     with_it = shown("with rate strengthening 0.4", "6", 2)
     expect(page.get_by_label("Spacing of points")).to_have_value("1")
+    expect(page.locator("#effects [data-number]")).to_have_value("0.4")  # not with all its digits
     picture(page, "effect-switches")
     # Off by a key, without the film of the short cut of that key.
     rate.focus()

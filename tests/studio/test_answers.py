@@ -36,7 +36,7 @@ CREST = """
 @pytest.fixture
 def browser(workspace):
     live = Live(threads=1)
-    app = studio(workspace, live, token=TOKEN, port=PORT)
+    app = studio(workspace, live, token=TOKEN)
     client = TestClient(app, base_url=f"http://127.0.0.1:{PORT}", follow_redirects=False)
     client.get("/", params={"token": TOKEN})
     yield client

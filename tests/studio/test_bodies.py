@@ -41,7 +41,7 @@ def gully(tmp_path):
 def browser(bodies):
     """A client that opened the address that was printed."""
     live = Live(threads=1)
-    app = studio(bodies.workspace, live, token=TOKEN, port=PORT)
+    app = studio(bodies.workspace, live, token=TOKEN)
     client = TestClient(app, base_url=f"http://127.0.0.1:{PORT}", follow_redirects=False)
     client.get("/", params={"token": TOKEN})
     yield client

@@ -8,7 +8,10 @@ import flowslide
 from flowslide.studio import body_jobs, job_process
 from flowslide.studio.job_answers import simulation_3d
 from flowslide.studio.jobs import Job, JobOptions
+from geometry.scenes.fill import fill
 from geometry.scenes3d.scene3d import load_scene_3d
+from mpm_taichi.solver3d import problem
+from mpm_taichi.solver3d.problem import has_sloping_water
 from pipeline.files import read_json, write_json
 from pipeline.places import CASES, shipped
 from tests.studio.bodies import write_bank, write_gully
@@ -27,9 +30,11 @@ def _run(folder, case, kind, **options):
 
 
 @pytest.mark.slow
-def test_a_simulation_is_that_of_the_command(tmp_path):
-    case = write_bank(tmp_path / "bank")
+def test_a_simulation_is_that_of_the_command_and_fills_its_scene_once(tmp_path, monkeypatch):
+    case, filled = write_bank(tmp_path / "bank"), []
+    monkeypatch.setattr(problem, "fill", lambda scene: filled.append(scene) or fill(scene))
     state, place = _run(tmp_path, case, "simulate", strengths_kpa={"soil": 8.0})
+    assert len(filled) == 1
     own = flowslide.simulate_3d(case, threads=1, strengths_kpa={"soil": 8.0})
     assert state["answer"] == simulation_3d(own)["answer"]
     assert state["answer"][0].startswith("toe runout: ")
@@ -70,7 +75,6 @@ def test_what_is_asked_of_a_section_over_its_width(tmp_path):
 
 def test_water_that_slopes_stays_where_it_is(tmp_path):
     """Three dimensions have no moving one: who asks is told."""
-    filled = body_jobs._filled(shipped(CASES) / "lower_san_fernando", None)
-    assert filled.has_sloping_water
-    assert not body_jobs._filled(write_bank(tmp_path / "bank"), None).has_sloping_water
-    assert load_scene_3d(tmp_path / "bank").section.water_level is None
+    assert has_sloping_water(load_scene_3d(shipped(CASES) / "lower_san_fernando"))
+    bank = load_scene_3d(write_bank(tmp_path / "bank"))
+    assert bank.section.water_level is None and not has_sloping_water(bank)

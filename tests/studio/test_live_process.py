@@ -60,7 +60,7 @@ def test_a_question_that_cannot_be_answered_is_said(workspace, solver):
 
 
 def test_the_server_answers_while_the_solver_stands_still(workspace, solver):
-    app = studio(workspace, solver, token=TOKEN, port=PORT)
+    app = studio(workspace, solver, token=TOKEN)
     address = f"http://127.0.0.1:{PORT}"
     with TestClient(app, base_url=address, follow_redirects=False) as browser:
         browser.get("/", params={"token": TOKEN})

@@ -42,7 +42,7 @@ def live():
 @pytest.fixture
 def stranger(workspace, live):
     """A client without the cookie."""
-    app = studio(workspace, live, token=TOKEN, port=PORT)
+    app = studio(workspace, live, token=TOKEN)
     return TestClient(app, base_url=f"http://127.0.0.1:{PORT}", follow_redirects=False)
 
 
@@ -339,7 +339,7 @@ def test_a_pool_takes_its_water_table_along():
 
 
 def test_two_studios_in_one_browser_do_not_lock_each_other_out(browser, workspace, live):
-    other = studio(workspace, live, token="another", port=PORT + 1)
+    other = studio(workspace, live, token="another")
     second = TestClient(other, base_url=f"http://127.0.0.1:{PORT + 1}", follow_redirects=False)
     second.cookies = browser.cookies  # a browser does not tell ports apart
     assert second.get("/", params={"token": "another"}).status_code == 200

@@ -5,10 +5,12 @@ import { frameAt, timeAt } from "./film_times.js";
 import { numberBox } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { area, ownMaterials } from "./section.js";
+import { onChosen } from "./ui.js";
 import { waterTableAt } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
 const SIMULATING = "simulating ...";
+const GONE = "the server is gone: if it does not come back, start it again and open the address that it prints";
 const SPACINGS = [0.25, 0.5, 0.75, 1, 1.5, 2, 3, 4];
 const MOST_POINTS = 20000; // as flowslide/studio/live.py has it
 const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
@@ -16,7 +18,10 @@ const FILM_PAUSE = 250; // ms after a deposit until its film is asked for
 /** `page` has state, view, documents, say(words, bad) and reopen(), which goes back to the files. */
 export function makeSlide({ state, view, documents, say, reopen }) {
   const sliders = new Sliders({
-    connected(is) { say(is ? "connected" : "the server is gone: if it does not come back, start it again and open the address that it prints", !is); },
+    connected(is) {
+      if (!is) say(GONE, true);
+      else if (["starting", GONE].includes($("status").textContent)) say("connected"); // what else was said since then stays
+    },
     deposit: show,
     forecast: showForecast,
     failed(message) { view.forecast = null; view.draw(); say(message, true); },
@@ -127,7 +132,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     for (const one of state.workspace.effects) {
       if (!(one.name in state.effects)) choice.append(new Option(one.name.replaceAll("_", " "), one.name));
     }
-    choice.addEventListener("change", () => {
+    onChosen(choice, () => {
       const one = state.workspace.effects.find(({ name }) => name === choice.value);
       state.effects[one.name] = one.ladder[1];
       buildEffects();
@@ -152,7 +157,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** Put effects, { name: amplitude }, on the sliders, and the values that were found with them. */
   function showEffects(effects, values, spacing) {
-    state.effects = effects;
+    state.effects = shortened(effects);
     buildEffects();
     showValues(values, spacing);
     tellEffects();
@@ -182,7 +187,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   /** The values and effects of an answer become those of the case; zones that share their soil with others get one of their own. */
   function keepAnswer(values, effects = {}) {
     documents.edit("answer", ({ scene }) => {
-      if (Object.keys(effects).length) scene.effects = { ...scene.effects, ...effects };
+      if (Object.keys(effects).length) scene.effects = { ...scene.effects, ...shortened(effects) };
       for (const name of Object.keys(effects)) delete state.effects[name]; // the case has it from now on
       for (const { property, zones, value } of values) {
         if (property === "water_level") { Object.assign(scene, { phreatic_line: waterTableAt(scene, short(value)), water_level: short(value) }); continue; }
@@ -202,6 +207,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   }
 
   const short = (value) => Number(value.toPrecision(4));
+  const shortened = (effects) => Object.fromEntries(Object.entries(effects).map(([name, amplitude]) => [name, short(amplitude)]));
 
   /** What the sliders say becomes the case: its strengths, its pool, its effects. */
   function keepValues() {

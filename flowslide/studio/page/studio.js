@@ -10,7 +10,7 @@ import { SectionPanel } from "./section_panel.js";
 import { saveView } from "./saving.js";
 import { makeSlide } from "./slide.js";
 import { SurveyPanel } from "./survey_panel.js";
-import { button, el, justTyped } from "./ui.js";
+import { button, el, justTyped, onChosen } from "./ui.js";
 import { Underlay } from "./underlay.js";
 import { View } from "./view.js";
 import { waterWords } from "./water.js";
@@ -322,7 +322,7 @@ async function madeCase() {
     $("make").close();
     state.mode = "section";
     await reopenWith(name);
-    if (kind === "new") editor.use("zone");
+    if (kind === "new") { editor.use("zone"); $("canvas").focus(); } // keys go on from here: the dialog had the focus
     if (read.length) say(read.join("; "));
   } catch (error) { $("make-fault").textContent = error.message; }
 }
@@ -383,12 +383,13 @@ async function start() {
   setUp(tellTyped, (words, act) => documents.together(words, act));
   document.addEventListener("paste", pasteInto);
   const cases = allCases();
-  $("case").addEventListener("change", async () => {
+  const nameNow = () => (state.body ? PREFIX : "") + state.name;
+  onChosen($("case"), async () => {
     const wanted = $("case").value;
     if (await documents.flush()) { await open(wanted); return; }
-    $("case").value = (state.body ? PREFIX : "") + state.name;
+    $("case").value = nameNow();
     say(CHOOSE, true);
-  });
+  }, nameNow);
   for (const kind of Object.keys(MAKING)) $(kind).addEventListener("click", () => makeCase(kind));
   $("make-go").addEventListener("click", madeCase);
   $("make-stop").addEventListener("click", () => $("make").close());

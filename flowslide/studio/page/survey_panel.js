@@ -4,7 +4,7 @@ import { blowCounts } from "./blow_counts.js";
 import { faultList, placeOf, wrongAt } from "./faults.js";
 import { cellsOf, numbersOf } from "./numbers.js";
 import { isFitted } from "./question.js";
-import { button, el, field, keyWords, readOnly, refill } from "./ui.js";
+import { button, el, field, keyWords, onChosen, readOnly, refill } from "./ui.js";
 
 const words = (name) => name.replaceAll("_", " ");
 const TITLES = {
@@ -50,7 +50,7 @@ export class SurveyPanel {
   show() {
     const add = el("select", { "aria-label": "add a measurement", "data-key": "add" }, new Option("add a measurement ...", ""),
       ...this.page.forms.map(({ type }) => new Option(TITLES[type] ?? words(type), type)));
-    add.addEventListener("change", () => this.add(add.value));
+    onChosen(add, () => this.add(add.value));
     const children = [
       el("h2", { textContent: "Measured after the slide" }),
       ...(this.entries.length ? this.entries.map((entry, i) => this.entry(entry, i))

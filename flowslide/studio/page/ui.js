@@ -73,6 +73,35 @@ export function keyWords(key) {
   return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m3" : ""];
 }
 
+/**
+ * Act when something is chosen in a list that does something at once, such as one that adds.
+ *
+ * Arrow keys in a list that is not unfolded change it at every press in most browsers: Enter then chooses, and who
+ * goes on without it, or presses Escape, has chosen nothing: the list shows `rest()` again.
+ */
+export function onChosen(list, act, rest = () => "") {
+  let stepping = false; // by keys, in the folded list
+  let unfolded = false; // by keys: the browser tells of the choice itself
+  list.addEventListener("keydown", (event) => {
+    const { key, altKey } = event;
+    if (unfolded) unfolded = !["Enter", "Escape", "Tab"].includes(key);
+    else if (key === "Enter" && stepping) { event.preventDefault(); stepping = false; if (list.value) act(); }
+    else if (key === "Escape") { stepping = false; list.value = rest(); }
+    else if ([" ", "Enter", "F4"].includes(key) || (altKey && key.startsWith("Arrow"))) { unfolded = true; stepping = false; }
+    else if (key.length === 1 || /^(Arrow|Page|Home|End)/.test(key)) stepping = true;
+  });
+  list.addEventListener("pointerdown", () => { stepping = unfolded = false; });
+  list.addEventListener("change", () => { unfolded = false; if (!stepping) act(); });
+  list.addEventListener("blur", () => { if (stepping) list.value = rest(); stepping = unfolded = false; });
+}
+
+/** Act when a canvas has another size, also in pixels of the screen alone: the window has gone to a finer screen. */
+export function onSize(canvas, act) {
+  new ResizeObserver(act).observe(canvas);
+  const watch = () => matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => { watch(); act(); }, { once: true });
+  watch();
+}
+
 // --- panels that are filled again: never under the hand of somebody who types or presses ---
 
 const waiting = new Map(); // panel -> what it is to hold as soon as nobody is busy in it
@@ -129,10 +158,14 @@ function signature(nodes) {
 
 const folds = (panel) => [...panel.querySelectorAll("details[data-key]")];
 const reachable = (panel) => [...panel.querySelectorAll("input, select, textarea, button, summary")];
+/** Those of a panel that look like one of them, such as all that remove a vertex. */
+const alike = (panel, one) => reachable(panel).filter((other) => ["tagName", "ariaLabel", "title"].every((key) => other[key] === one[key])
+  && (one.tagName !== "BUTTON" || other.textContent === one.textContent));
 
 function replace(panel, children) {
   const active = panel.contains(document.activeElement) ? document.activeElement : null;
   const place = reachable(panel).indexOf(active);
+  const turn = active ? alike(panel, active).indexOf(active) : -1;
   const whole = active?.value && String(getSelection()) === active.value;
   const before = folds(panel).map(({ dataset, open }) => [dataset.key, open]);
   panel.replaceChildren(...children);
@@ -146,7 +179,8 @@ function replace(panel, children) {
   const { key } = active.dataset;
   const same = key === undefined ? null : panel.querySelector(`[data-key="${CSS.escape(key)}"]`);
   const there = reachable(panel)[place];
-  const next = same ?? (there?.tagName === active.tagName ? there : null);
+  // A list above may have grown: the one that looks the same comes before the one at the same place.
+  const next = same ?? alike(panel, active)[turn] ?? (there?.tagName === active.tagName ? there : null);
   refilling = true;
   next?.focus();
   refilling = false;

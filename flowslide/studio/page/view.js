@@ -2,7 +2,7 @@
 
 import { hatchOf, paintHatch } from "./hatch.js";
 import { bounds, lowest, roomOf } from "./section.js";
-import { css } from "./ui.js";
+import { css, onSize } from "./ui.js";
 import { paintWater, paintWaterTable } from "./water_view.js";
 
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
@@ -40,7 +40,7 @@ export class View {
     this.tool = null; // has down(event) and key(event): true where they were for it
     this.under = null; // paints below the section, in pixels
     this.over = null; // and above it
-    new ResizeObserver(() => this.resized()).observe(canvas);
+    onSize(canvas, () => this.resized());
     canvas.addEventListener("wheel", (event) => this.zoom(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.drag(event));
     canvas.addEventListener("keydown", (event) => this.key(event));

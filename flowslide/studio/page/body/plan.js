@@ -1,6 +1,6 @@
 // Draws a body from above: hillshade, a map by colours, edges of the soil, what was measured, and the line of the section, which is dragged.
 
-import { css } from "../ui.js";
+import { css, onSize } from "../ui.js";
 import { niceStep } from "../view.js";
 import { contour } from "./film.js";
 
@@ -16,7 +16,7 @@ export class Plan {
   /** `on` has line(places, isDone) while the line of the section is dragged, and over(place or null). */
   constructor(canvas, on) {
     Object.assign(this, { canvas, on, film: null, layer: null, line: [], box: null, places: {} });
-    new ResizeObserver(() => { if (this.isFitted) this.fit(); this.draw(); }).observe(canvas);
+    onSize(canvas, () => { if (this.isFitted) this.fit(); this.draw(); });
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => { if (this.film && this.box) { this.on.over(this.at(event)); this.hint(event); } });
     canvas.addEventListener("pointerleave", () => this.on.over(null));

@@ -1,6 +1,6 @@
 // Draws the section of a body along a line: ground, soil before and now, what was surveyed, still water.
 
-import { css } from "../ui.js";
+import { css, onSize } from "../ui.js";
 import { niceStep } from "../view.js";
 
 const ROOM = { left: 46, right: 14, top: 22, foot: 30 };
@@ -11,7 +11,7 @@ export class Profile {
   /** `on` has over(text or ""). */
   constructor(canvas, on) {
     Object.assign(this, { canvas, on, film: null, line: [] });
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    onSize(canvas, () => this.draw());
     canvas.addEventListener("pointermove", (event) => this.over(event));
     canvas.addEventListener("pointerleave", () => this.on.over(""));
   }

@@ -1,6 +1,6 @@
 // Draws a body as a block that can be turned: pixel by pixel, so that a browser without a graphics card has it as well.
 
-import { css } from "../ui.js";
+import { css, onSize } from "../ui.js";
 
 const BARE = [199, 199, 199];
 const SIDE = { ground: [138, 127, 114], soil: [196, 170, 128] };
@@ -13,7 +13,7 @@ export class Relief {
   constructor(canvas, on) {
     Object.assign(this, { canvas, on, film: null, layer: null, rise: 1, lines: [] });
     this.home();
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    onSize(canvas, () => this.draw());
     canvas.addEventListener("pointerdown", (event) => this.drag(event));
     canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(Math.exp(event.deltaY * 0.0015)); }, { passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
