@@ -57,6 +57,9 @@ UNKNOWN_STD, USUAL_SPACINGS, MOST_DOUBT = 0.06, 20.0, 1.0
 ROWS_STD, ROWS_ORDER = 0.3, 2.7
 #: Beyond this ln(S / S_h) the cells are too large for the law.
 FARTHEST = 0.25
+#: What a second spacing tells is checked by a third; so many standard deviations apart, the nearer
+#: of the two counts, and is off by as much as they differ.
+FAR_APART = 2.0
 #: Other spacings over that of the runs, in the order in which they are tried: coarse runs are
 #: cheap. Fewer points than this make no slide.
 OTHER_SPACINGS, LEAST_POINTS = (2.0, 1.5, 0.6), 200
@@ -189,9 +192,11 @@ def small_cells(
         others: the same at other spacings, in the order in which they are tried.
     """
     spacing, seen, before = setup.scene.spacing, 0.0, engine.runs
-    why = "no other spacing can be run"
+    why, told = "no other spacing can be run", None
     for other in others:
         there = other.scene.spacing
+        if told is not None and there < spacing:
+            break  # finer runs are too dear to check what coarse ones have told
         found = same_slide(engine, setup, values, other)
         if found is None:
             why = f"no run {there:g} m apart leaves the same slide"
@@ -201,29 +206,50 @@ def small_cells(
         if noise > usual_doubt(setup.scene):
             why = f"runs {spacing:g} and {there:g} m apart scatter by more than cells usually cost"
             continue
+        apart = 0.0
+        if told is not None:
+            apart = abs(distance - told.distance)
+            if apart <= FAR_APART * np.hypot(noise, told.noise):
+                break
+            told = None
         if -noise <= distance <= FARTHEST:
-            return SmallCells(
-                factor=float(np.exp(distance)),
-                log_std=float(np.hypot(SHARE_STD * distance, max(noise, NOISE_STD))),
-                spacing_m=spacing,
-                other_spacing_m=there,
-                words=f"{NAME}: from runs {spacing:g} and {there:g} m apart",
-                runs=engine.runs - before,
-            )
-        seen, apart = abs(distance), 100.0 * abs(np.expm1(found.log))
+            told = _Told(distance, float(np.hypot(noise, apart)), there)
+            if apart:
+                break
+            continue
+        seen, differ = max(abs(distance), apart), 100.0 * abs(np.expm1(found.log))
         if distance < 0.0:
             seen *= SHARE_STD  # of far flows a half or less was true
             why = (
-                f"runs {there:g} m apart ask for {apart:.0f} % {'more' if reach > 0 else 'less'} "
+                f"runs {there:g} m apart ask for {differ:.0f} % {'more' if reach > 0 else 'less'} "
                 f"strength than those {spacing:g} m apart, against the law: a smaller spacing "
                 "would tell"
             )
             break  # another that obeys it would be chosen for that
         why = (
-            f"runs {spacing:g} and {there:g} m apart differ by {apart:.0f} % in strength, too much "
-            "to go on from: a smaller spacing would tell"
+            f"runs {spacing:g} and {there:g} m apart differ by {differ:.0f} % in strength, too "
+            "much to go on from: a smaller spacing would tell"
         )
-    return SmallCells.unknown(setup.scene, why, seen=seen, runs=engine.runs - before)
+    runs = engine.runs - before
+    if told is None:
+        return SmallCells.unknown(setup.scene, why, seen=seen, runs=runs)
+    return SmallCells(
+        factor=float(np.exp(told.distance)),
+        log_std=float(np.hypot(SHARE_STD * told.distance, max(told.noise, NOISE_STD))),
+        spacing_m=spacing,
+        other_spacing_m=told.spacing_m,
+        words=f"{NAME}: from runs {spacing:g} and {told.spacing_m:g} m apart",
+        runs=runs,
+    )
+
+
+@dataclass(frozen=True)
+class _Told:
+    """ln(S / S_h) by a second spacing, and its standard deviation by the noise of the runs."""
+
+    distance: float
+    noise: float
+    spacing_m: float
 
 
 @dataclass(frozen=True)

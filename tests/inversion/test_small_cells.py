@@ -110,6 +110,17 @@ def test_where_all_lie_too_far_nothing_is_taken_off_and_the_strength_is_less_cer
     assert "a smaller spacing would tell" in found.words
 
 
+def test_what_a_second_spacing_tells_is_checked_by_a_third():
+    here = cells_of(1.0)
+    agreed = small_cells(here, here, VALUES, [cells_of(2.0), cells_of(1.5), cells_of(0.6)])
+    assert (agreed.other_spacing_m, agreed.runs) == (2.0, 14)
+    # Thin zones of strong soil, say, are lost 2 m apart: the limit seems to be reached.
+    deceived = [cells_of(2.0, cost=0.04 / 2.0**ORDER), cells_of(1.5), cells_of(0.6)]
+    found = small_cells(here, here, VALUES, deceived)
+    assert found.other_spacing_m == 1.5 and found.factor == pytest.approx(np.exp(0.04), rel=3e-3)
+    assert found.log_std == pytest.approx(np.hypot(SHARE_STD * 0.04, 0.04), rel=0.1)
+
+
 def test_larger_cells_that_ask_for_more_strength_tell_nothing():
     here = cells_of(1.0, cost=-0.16)
     # Another that obeys the law is not asked: it would be chosen for that.
