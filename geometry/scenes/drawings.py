@@ -414,7 +414,8 @@ def _check_columns(columns: list[str], path: Path) -> None:
     known = ("zone", "x", "y", "material", *MATERIAL_FIELDS)
     for column in ("zone", "x", "y"):
         if column not in columns:
-            raise InputError(f"{path}: no column {column!r}; needed are zone, x, y")
+            hint = ", with commas between them" if any(";" in one for one in columns) else ""
+            raise InputError(f"{path}: no column {column!r}; needed are zone, x, y{hint}")
         if columns.count(column) > 1:
             raise InputError(f"{path}: two columns are called {column!r}")
     for column in columns:

@@ -212,7 +212,7 @@ def small_cells(
             if apart <= FAR_APART * np.hypot(noise, told.noise):
                 break
             told = None
-        if -noise <= distance <= FARTHEST:
+        if -max(noise, NOISE_STD) <= distance <= FARTHEST:
             told = _Told(distance, float(np.hypot(noise, apart)), there)
             if apart:
                 break

@@ -24,9 +24,10 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import least_squares
 
+from geometry.scenes.doubts import thin_layers
 from inversion.estimation.derivatives import LOG_STEPS
 from inversion.estimation.flow_limit import flow_limit
-from inversion.estimation.forward import Forward
+from inversion.estimation.forward import Forward, SectionSetup
 from inversion.estimation.gauss_newton import LARGEST_BOX, NOISE, best_step, gauss_newton, met
 from inversion.estimation.lbfgsb import lbfgsb
 from inversion.estimation.misfit import Objective
@@ -340,9 +341,11 @@ def scan(search: Search, first: Evaluation, least_m: float) -> Evaluation:
                 f"{name} {value:.3g}"
                 for name, value in zip(parameters.names, trials[-1], strict=True)
             )
+            few = thin_layers(search.setup.scene) if isinstance(search.setup, SectionSetup) else []
+            advice = "lower the bounds, check section and water, or fit another measurement"
             raise WorkFailed(
-                f"nothing moves by {least_m:g} m, not even at {weakest}; lower the bounds, or "
-                "check section and water"
+                f"nothing moves by {least_m:g} m in what is fitted, not even at {weakest}; "
+                + "; ".join([*few, advice])
             )
 
 

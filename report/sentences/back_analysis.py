@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer
+from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, Result
 from inversion.engines.registry import engine_named
 from inversion.problem.changes import WATER_WORDS
 from pipeline.ties import largest, largest_place, ranked
@@ -37,6 +37,10 @@ ALONE = 0.98
 """Component of a direction, of length 1, from which on it belongs to one parameter."""
 
 
+#: Standard deviation of the logarithm of a strength by the cells from which the first line says so.
+UNSURE = 0.15
+
+
 def answer_sentence(data: BackAnalysisData) -> str:
     """The answer: strengths with ratios, engine, spacing, water, and whether it fits."""
     result = data.result
@@ -61,9 +65,16 @@ def answer_sentence(data: BackAnalysisData) -> str:
 
 
 def doubted(data: BackAnalysisData) -> str:
-    """What hand checks do not allow, for the first line; empty: nothing."""
+    """What is to be doubted, for the first line: by hand checks, by the cells; empty: nothing."""
     outside = [check.words for check in data.result.hand_checks if not check.agrees]
-    return f"DOUBTED BY HAND CHECKS: {'; '.join(outside)}." if outside else ""
+    said = [f"DOUBTED BY HAND CHECKS: {'; '.join(outside)}."] if outside else []
+    cells = data.result.answer.small_cells
+    if cells is not None and cells.log_std > UNSURE:
+        said.append(
+            f"UNSURE BY {100 * cells.log_std:.0f} % with points {cells.spacing_m:g} m apart: take "
+            "a smaller spacing."
+        )
+    return " ".join(said)
 
 
 def hand_check_sentences(data: BackAnalysisData) -> list[str]:
@@ -145,6 +156,11 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
     ]
 
 
+def _and_of_cells(result: Result) -> str:
+    cells = result.answer.small_cells
+    return " alone" if cells is None else " and of the size of the cells"
+
+
 def meaning_sentences(data: BackAnalysisData) -> list[str]:
     """Explain the numbers after ± and their basis."""
     result = data.result
@@ -152,7 +168,7 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
     included = (
         "includes the survey and every assumption that was varied"
         if varied
-        else "is that of the survey alone: no assumption was varied"
+        else f"is that of the survey{_and_of_cells(result)}: no assumption was varied"
     )
     said = [
         f"± is one standard deviation and {included}. "

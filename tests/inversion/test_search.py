@@ -178,7 +178,7 @@ def test_where_nothing_moves_the_strengths_are_scanned_first():
 
 def test_where_nothing_ever_moves_the_work_fails():
     search = problem([strength("a")], lambda v: np.zeros(1), targets(25.0))
-    with pytest.raises(WorkFailed, match="nothing moves by 2 m, not even at a 5"):
+    with pytest.raises(WorkFailed, match="nothing moves by 2 m in what is fitted, not even at a 5"):
         calibrate(search, np.array([60.0]), method="gauss_newton", least_m=2.0)
     search = problem([angle("b")], lambda v: np.zeros(1), targets(25.0))
     with pytest.raises(WorkFailed, match="no strength"):
