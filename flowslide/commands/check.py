@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from flowslide.commands import options
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from geometry.scenes.scene import Scene
     from geometry.survey.measurements import Measurements
     from geometry.survey.sets import Sets
@@ -79,7 +81,8 @@ def run(arguments: argparse.Namespace) -> None:
         print_gaps(scene)
         print_ends(scene)
         if scene.origin is None:  # a drawn one: blocks of a template fly on purpose
-            print_doubts(scene)
+            toes = () if measurements is None else measurements.chosen()
+            print_doubts(scene, [one.values[0] for one in toes if one.toe_side is not None])
         if measurements is not None:
             _print_measurements(measurements)
         if counted:
@@ -143,11 +146,11 @@ def print_gaps(scene: Scene) -> None:
         print(f"  and {len(found) - 5} smaller gaps")
 
 
-def print_doubts(scene: Scene) -> None:
-    """Print what of the section is hardly meant, and layers of few points."""
-    from geometry.scenes.doubts import doubts, thin_layers
+def print_doubts(scene: Scene, runouts: Iterable[float] = ()) -> None:
+    """Print what of section and runouts [m] is hardly meant, and layers of few points."""
+    from geometry.scenes.doubts import doubts, far_runouts, thin_layers
 
-    for line in doubts(scene):
+    for line in [*doubts(scene), *far_runouts(scene, runouts)]:
         print(f"  doubtful: {line}")
     for line in thin_layers(scene):
         print(f"  {line}")

@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     ran = f"runout {ran}" if ran else "no slide was measured"
     print(f"wrote {folder}: {len(made.scene.zones)} zones; {ran}")
     print_ends(made.scene)
-    print_doubts(made.scene)
+    print_doubts(made.scene, [one.value_m for one in made.runouts])
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
     typed = shlex.quote(str(folder))
     print(f"  flowslide check {typed}")

@@ -6,7 +6,7 @@ sections, small ones and soil that hangs over exist, if rarely.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from shapely import bounds, get_parts, length
@@ -18,6 +18,9 @@ from geometry.scenes.scene import Scene
 
 #: Heights of dams, slopes and experiments [m]: the highest dam has 330 m.
 HEIGHTS = 0.03, 400.0
+#: Toes are read where soil is 0.5 m high (`geometry.survey.columns`): lower sections are too small
+#: for it [m]. A runout of more heights is hardly one of a slide.
+LEAST_HEIGHT, FARTHEST = 2.0, 30.0
 #: A section taller than this many of its lengths stands on its side.
 SLENDER = 1.5
 #: Strengths beyond this are of rock or concrete, or in Pa [kPa]; angles below it in radians [deg].
@@ -33,6 +36,17 @@ SHARE = 40.0
 def doubts(scene: Scene) -> list[str]:
     """Lines on what is hardly meant; empty: nothing."""
     return [*_size(scene), *_soils(scene), *_shape(scene)]
+
+
+def far_runouts(scene: Scene, runouts: Iterable[float]) -> list[str]:
+    """Lines on runouts [m] that are hardly those of a slide of the section."""
+    low, high = scene.extent
+    tall = high - low
+    return [
+        f"a runout of {one:g} m is {one / tall:.0f} heights of the section; is its unit right?"
+        for one in runouts
+        if one > FARTHEST * tall
+    ]
 
 
 def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
@@ -82,6 +96,11 @@ def _size(scene: Scene) -> Iterator[str]:
     long, tall = max(x) - min(x), high - low
     if not HEIGHTS[0] <= tall <= HEIGHTS[1]:
         yield f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)?"
+    elif tall < LEAST_HEIGHT:
+        yield (
+            f"the section is {tall:.3g} m high, and toes are read where soil is 0.5 m high: "
+            "enlarge it, strengths by the same factor, times by its root"
+        )
     elif tall > SLENDER * long:
         yield f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y exchanged?"
 

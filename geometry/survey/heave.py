@@ -88,12 +88,22 @@ class Heave(SingleLength):
                 f"there; draw the foundation as a zone of its own (domain: {side}: far)"
             )
         check_has_toe(scene, side, where)
+        if self.x_m is None and self.value_m < 0.0:
+            raise InputError(
+                f"{where}: value_m {self.value_m:g}: the largest rise is 0 or more; give x_m for a "
+                "place where the ground sank"
+            )
         if self.x_m is None:
             top = surface_at(feet[side], scene, f"{where}: the {side} foot")
         else:
             # The kernel reaches two lengths: nearer to the end it would see a part of the ground.
             end = scene.domain.wall(side) - outward * 2.0 * kernel_length(scene.spacing)
-            if outward * (self.x_m - feet[side]) < 0.0 or outward * (end - self.x_m) < 0.0:
+            if outward * (self.x_m - feet[side]) < 0.0:
+                raise InputError(
+                    f"{where}: x_m {self.x_m:g}: the ground beyond the toe begins at the {side} "
+                    f"foot, x {feet[side]:g} m"
+                )
+            if outward * (end - self.x_m) < 0.0:
                 raise InputError(
                     f"{where}: x_m {self.x_m:g}: the ground beyond the toe is read from the foot "
                     f"at x {feet[side]:g} to {end:g} m; draw more of the ground to the {side}"

@@ -52,9 +52,9 @@ SHARE_STD, NOISE_STD = 0.5, 0.01
 #: in their height; with fewer it grows as what the cells cost. At most so much.
 UNKNOWN_STD, USUAL_SPACINGS, MOST_DOUBT = 0.06, 20.0, 1.0
 #: What `ROWS` of points in a liquefied layer cost where it is not known, and the power of the cell
-#: with which it grows: 0.04 to 0.6 of six layers of the gallery with four rows (0.3 in the mean
-#: square), 0.01 to 0.2 with five, 0.7 to more than 1.1 with two, and no smooth law between them.
-ROWS_STD, ROWS_ORDER = 0.3, 2.7
+#: with which it grows: 0.04 to 0.6 of six layers of the gallery with four rows, 1.5 of another
+#: levee, 0.01 to 0.2 with five, 0.7 to more than 1.1 with two, and no smooth law between them.
+ROWS_STD, ROWS_ORDER = 0.5, 4.0
 #: Beyond this ln(S / S_h) the cells are too large for the law.
 FARTHEST = 0.25
 #: What a second spacing tells is checked by a third; so many standard deviations apart, the nearer

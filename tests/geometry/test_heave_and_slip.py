@@ -251,9 +251,11 @@ def test_a_toe_that_ran_to_the_end_of_the_ground_leaves_none_to_heave():
 @pytest.mark.parametrize(
     ("entry", "complaint"),
     [
-        (heave_of(x_m=30.0), "x_m 30: the ground beyond the toe is read from the foot at x 36 to"),
+        (heave_of(x_m=30.0), "x_m 30: the ground beyond the toe begins at the right foot, x 36 m"),
+        (heave_of(value=-0.4), "the largest rise is 0 or more; give x_m"),
         (heave_of(x_m=65.5), "draw more of the ground to the right"),
-        (heave_of("left", x_m=5.0), "read from the foot at x 0 to -2[0-9.]+ m; draw more"),
+        (heave_of("left", x_m=5.0), "begins at the left foot, x 0 m"),
+        (heave_of("left", x_m=-25.0), "read from the foot at x 0 to -2[0-9.]+ m; draw more"),
         (heave_of(value=11.0), "value_m 11 is ground at y 11; the domain has -4 to 10 m"),
         (slip_of(-30.0), "x_m -30 lies outside the section"),
         (slip_of(18.0, 12.0), "value_m 12: the soil at x 18 is 10 m deep"),
@@ -263,7 +265,12 @@ def test_what_cannot_have_been_measured_is_refused(entry, complaint):
     with pytest.raises(InputError, match=complaint) as caught:
         check_places(survey_of(entry), road(), "m.yaml")
     assert str(caught.value).startswith("m.yaml: ") and "\n" not in str(caught.value)
-    for sound in (heave_of(), heave_of(x_m=45.0), heave_of("left", value=-0.5), slip_of(18.0, 9.5)):
+    for sound in (
+        heave_of(),
+        heave_of(x_m=45.0),
+        heave_of("left", value=-0.5, x_m=-5.0),
+        slip_of(18.0, 9.5),
+    ):
         check_places(survey_of(sound), road(), "m.yaml")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flowslide.commands.check import print_doubts
-from geometry.scenes.doubts import thin_layers
+from geometry.scenes.doubts import doubts, far_runouts, thin_layers
 from geometry.scenes.drawings import read_section, section_scene
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 
@@ -34,6 +34,29 @@ def test_a_thin_layer_is_said_until_it_has_four_rows(name, thick, capsys):
 def test_thin_zones_on_each_other_are_one_thick_layer():
     scene = load_scene(ROOT / "case_histories/lower_san_fernando/scene.yaml")
     assert thin_layers(scene) == [] and scene.spacing == 1.0
+
+
+def test_a_section_lower_than_its_toe_can_be_read_is_said():
+    flume = [(0, 0), (9, 0), (9, 1.2), (4, 1.2)]
+    low = scene_from_mapping(
+        {
+            "name": "flume",
+            "domain": {"x_min": -10, "x_max": 20, "y_max": 5},
+            "ground": {"points": [[-10, 0], [20, 0]]},
+            "zones": [{"name": "sand", "polygon": flume, "material": "sand"}],
+            "materials": {"sand": {"friction_deg": 0, "cohesion_kpa": 1, "liquefied": True}},
+            "spacing": 0.1,
+        }
+    )
+    (line,) = doubts(low)
+    assert "1.2 m high, and toes are read where soil is 0.5 m high: enlarge it" in line
+
+
+def test_a_runout_of_thirty_heights_is_doubted():
+    scene = drawn("sheffield", 0.6)
+    assert far_runouts(scene, [30.0, 200.0]) == []
+    (line,) = far_runouts(scene, [30.0, 5000.0])
+    assert line.startswith("a runout of 5000 m is ") and "is its unit right?" in line
 
 
 def test_where_nothing_liquefied_nothing_is_thin():

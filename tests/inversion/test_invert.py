@@ -216,7 +216,9 @@ def test_work_that_fails_is_exit_1(lsfd, run_module):
                                              "start: 900, low: 700, high: 990"))  # fmt: skip
     done = run_module("flowslide", "invert", lsfd, "--quick", "--quiet", "--out", lsfd / "out")
     assert done.returncode == 1, done.stderr
-    assert "nothing moves by 8 m in what is fitted, not even at residual_strength_1 700" in done.stderr
+    assert (
+        "nothing moves by 8 m in what is fitted, not even at residual_strength_1 700" in done.stderr
+    )
     assert "Traceback" not in done.stderr
 
 
