@@ -86,7 +86,7 @@ def test_what_an_error_includes_is_what_was_varied(full_page, tmp_path):
     text, _ = full_page
     assert "includes the survey and every assumption that was varied" in text
     quick = page_of(least(), tmp_path)
-    assert "is that of the survey and of the size of the cells: no assumption was varied" in quick
+    assert "is that of the survey alone: no assumption was varied" in quick
     assert "every assumption that was varied" not in quick
 
 
