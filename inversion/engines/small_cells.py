@@ -103,7 +103,7 @@ class SmallCells(StrictDocument):
         """
         doubt = max(usual_doubt(scene), seen)
         words = f"{NAME}: not known: {why}"
-        return cls(log_std=min(doubt, MOST_DOUBT), spacing_m=scene.spacing, words=words, runs=runs)
+        return cls(log_std=doubt, spacing_m=scene.spacing, words=words, runs=runs)
 
     @property
     def known(self) -> bool:
@@ -124,9 +124,10 @@ class SmallCells(StrictDocument):
 def usual_doubt(scene: Scene | Scene3d) -> float:
     """Standard deviation of ln(S / S_h) of a section whose cells nobody has asked about."""
     spacings = max(scene.sliding_height / scene.spacing, 1.0)
-    doubt = UNKNOWN_STD * max(USUAL_SPACINGS / spacings, 1.0) ** ORDER
+    doubt = min(UNKNOWN_STD * max(USUAL_SPACINGS / spacings, 1.0) ** ORDER, MOST_LOG)
     if isinstance(scene, Scene):
-        doubt = max(doubt, ROWS_STD * (ROWS / fewest_rows(scene)) ** ROWS_ORDER)
+        by_rows = ROWS_STD * (ROWS / fewest_rows(scene)) ** ROWS_ORDER
+        doubt = max(doubt, min(by_rows, MOST_DOUBT))
     return doubt
 
 

@@ -14,7 +14,7 @@ from geometry.scenes.drawings import read_section, section_scene
 from geometry.scenes.fill import point_count
 from inversion.engines.small_cells import (
     FARTHEST,
-    MOST_DOUBT,
+    MOST_LOG,
     NOISE_STD,
     ORDER,
     SHARE_STD,
@@ -158,7 +158,7 @@ def test_without_another_spacing_the_cells_are_not_known():
 
 
 @pytest.mark.parametrize(
-    ("spacing", "doubt"), [(0.5, UNKNOWN_STD), (2.0, UNKNOWN_STD * 2.0**ORDER), (8.0, MOST_DOUBT)]
+    ("spacing", "doubt"), [(0.5, UNKNOWN_STD), (2.0, UNKNOWN_STD * 2.0**ORDER), (8.0, MOST_LOG)]
 )
 def test_of_few_spacings_in_the_height_less_is_known(spacing, doubt):
     found = SmallCells.unknown(cells_of(spacing).scene, "nobody looked")
