@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> None:
         print_ends(scene)
         if scene.origin is None:  # a drawn one: blocks of a template fly on purpose
             toes = () if measurements is None else measurements.chosen()
-            print_doubts(scene, [one.values[0] for one in toes if one.toe_side is not None])
+            print_doubts(scene, [one.values[0] for one in toes if one.is_runout])
         if measurements is not None:
             _print_measurements(measurements)
         if counted:

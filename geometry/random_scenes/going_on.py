@@ -7,59 +7,43 @@ far boundaries, as drawn or as its mirror image.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-
-from pydantic import ValidationError
+from collections.abc import Sequence
 
 from geometry.random_scenes.sketch import Point
+from geometry.random_scenes.standing_dam import Draw, first_valid
 from geometry.scenes.doubts import thin_layers
 from geometry.scenes.fill import point_count
 from geometry.scenes.scene import Scene
 from geometry.sides import Side
-from pipeline.cli import InputError
 from pipeline.random_numbers import Stream
 
 #: Thinnest layer that may liquefy, and any other zone [spacings]: four rows of points, and as wide
 #: as a run at twice the spacing needs.
 LIQUEFIED_ROWS, THINNEST = 4.2, 2.3
-#: Draws after which something is wrong with the ranges, or too few points are allowed.
-MOST_DRAWS = 200
 #: Decimals of coordinates (0.1 mm).
 DECIMALS = 4
 #: Far ends lie so many spacings apart, times a whole number: whole cells at twice the spacing too.
 END_STEP = 4
 
-#: Draws a scene from a stream, its number and the spacing [m].
-Draw = Callable[[Stream, int, float], Scene]
-
 
 def first_sound(draw: Draw, key: tuple[int, ...], spacing: float, max_points: int) -> Scene:
-    """The first draw that is a section at the spacing and at twice that, and not too large.
+    """`first_valid`, of no more material points, and with enough in what may liquefy.
 
     Args:
-        draw: a scene from a stream, its number and the spacing; the stream is named by the key and
-            the number of the try.
+        draw: a scene from a stream, its number and the spacing.
         key: whole numbers; the last is that of the scene.
         spacing: between the material points [m].
         max_points: most material points of the scene.
 
     Raises:
-        InputError: none in `MOST_DRAWS` draws.
+        InputError: none in as many draws as are made.
     """
-    for attempt in range(MOST_DRAWS):
-        try:
-            scene = draw(Stream(*key, attempt), key[-1], spacing)
-            if point_count(scene) > max_points:
-                continue
-            scene.changed(spacing=2.0 * spacing)
-        except ValidationError:  # a zone is a sliver
-            continue
-        if not thin_layers(scene):
-            return scene
-    raise InputError(
-        f"section {key[-1]}: none of {MOST_DRAWS} draws is valid with at most {max_points} "
-        "material points; see geometry.max_points"
-    )
+
+    def suits(scene: Scene) -> bool:
+        return point_count(scene) <= max_points and not thin_layers(scene)
+
+    hint = f" with at most {max_points} material points; see geometry.max_points"
+    return first_valid(draw, key, spacing, suits, hint)
 
 
 def thickness(

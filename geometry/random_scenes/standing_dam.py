@@ -53,8 +53,16 @@ class Soil:
     density: float = 1.0
 
 
+#: Draws a scene from a stream, its number and the spacing [m].
+Draw = Callable[[Stream, int, float], Scene]
+
+
 def first_valid(
-    draw: Callable[[Stream, int, float], Scene], key: tuple[int, ...], spacing: float
+    draw: Draw,
+    key: tuple[int, ...],
+    spacing: float,
+    suits: Callable[[Scene], bool] | None = None,
+    hint: str = "",
 ) -> Scene:
     """The first draw that is a section at the spacing and at twice that.
 
@@ -63,15 +71,22 @@ def first_valid(
             the number of the try.
         key: whole numbers; the last is that of the scene.
         spacing: between the material points [m].
+        suits: what else a section must be; None: nothing.
+        hint: of the error, for the user.
+
+    Raises:
+        InputError: none in `MOST_DRAWS` draws.
     """
     for attempt in range(MOST_DRAWS):
         try:
             scene = draw(Stream(*key, attempt), key[-1], spacing)
+            if suits is not None and not suits(scene):
+                continue
             scene.changed(spacing=2.0 * spacing)
         except ValidationError:  # a zone is a sliver
             continue
         return scene
-    raise InputError(f"dam {key[-1]}: no valid section in {MOST_DRAWS} draws")
+    raise InputError(f"section {key[-1]}: none of {MOST_DRAWS} draws is valid{hint}")
 
 
 def log_uniform(stream: Stream, low: float, high: float) -> float:

@@ -96,13 +96,13 @@ def _size(scene: Scene) -> Iterator[str]:
     long, tall = max(x) - min(x), high - low
     if not HEIGHTS[0] <= tall <= HEIGHTS[1]:
         yield f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)?"
+    elif tall > SLENDER * long:
+        yield f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y exchanged?"
     elif tall < LEAST_HEIGHT:
         yield (
             f"the section is {tall:.3g} m high, and toes are read where soil is 0.5 m high: "
             "enlarge it, strengths by the same factor, times by its root"
         )
-    elif tall > SLENDER * long:
-        yield f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y exchanged?"
 
 
 def _soils(scene: Scene) -> Iterator[str]:

@@ -49,12 +49,13 @@ ORDER = 1.45
 #: Standard deviation of ln(S / S_h): a share of it, and the least that the noise of runs leaves.
 SHARE_STD, NOISE_STD = 0.5, 0.01
 #: The same where it is not known: the dams' own spread about no correction, with so many spacings
-#: in their height; with fewer it grows as what the cells cost. At most so much.
-UNKNOWN_STD, USUAL_SPACINGS, MOST_DOUBT = 0.06, 20.0, 1.0
+#: in their height; with fewer it grows as what the cells cost.
+UNKNOWN_STD, USUAL_SPACINGS = 0.06, 20.0
 #: What `ROWS` of points in a liquefied layer cost where it is not known, and the power of the cell
 #: with which it grows: 0.04 to 0.6 of six layers of the gallery with four rows, 1.5 of another
-#: levee, 0.01 to 0.2 with five, 0.7 to more than 1.1 with two, and no smooth law between them.
-ROWS_STD, ROWS_ORDER = 0.5, 4.0
+#: levee, 0.01 to 0.2 with five, 0.7 to more than 1.1 with two, and no smooth law between them. At
+#: most so much.
+ROWS_STD, ROWS_ORDER, MOST_BY_ROWS = 0.5, 4.0, 1.0
 #: Beyond this ln(S / S_h) the cells are too large for the law.
 FARTHEST = 0.25
 #: What a second spacing tells is checked by a third; so many standard deviations apart, the nearer
@@ -127,7 +128,7 @@ def usual_doubt(scene: Scene | Scene3d) -> float:
     doubt = min(UNKNOWN_STD * max(USUAL_SPACINGS / spacings, 1.0) ** ORDER, MOST_LOG)
     if isinstance(scene, Scene):
         by_rows = ROWS_STD * (ROWS / fewest_rows(scene)) ** ROWS_ORDER
-        doubt = max(doubt, min(by_rows, MOST_DOUBT))
+        doubt = max(doubt, min(by_rows, MOST_BY_ROWS))
     return doubt
 
 
@@ -194,6 +195,7 @@ def small_cells(
     """
     spacing, seen, before = setup.scene.spacing, 0.0, engine.runs
     why, told = "no other spacing can be run", None
+    usual = usual_doubt(setup.scene)
     for other in others:
         there = other.scene.spacing
         if told is not None and there < spacing:
@@ -204,7 +206,7 @@ def small_cells(
             continue
         reach = (there / spacing) ** ORDER - 1.0
         distance, noise = -found.log / reach, found.noise / abs(reach)
-        if noise > usual_doubt(setup.scene):
+        if noise > usual:
             why = f"runs {spacing:g} and {there:g} m apart scatter by more than cells usually cost"
             continue
         apart = 0.0

@@ -110,8 +110,8 @@ def gauss_newton(search: Search, first: Linearised) -> SearchResult:
     reached = best.loss < objective.tolerance
     if objective.loss == "misfit":
         reached = words.startswith(LEAST)
-    if not reached and words == NOISE and met(search, best):
-        reached, words = True, met(search, best)
+    if not reached and words == NOISE and (within := met(search, best)):
+        reached, words = True, within
     return SearchResult(best, reached, words, search.evaluations, search.runs)
 
 

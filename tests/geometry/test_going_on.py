@@ -10,8 +10,8 @@ import shapely
 
 from geometry import draw_scene
 from geometry.random_scenes import embankment_on_foundation as fills
-from geometry.random_scenes import going_on
 from geometry.random_scenes import impoundment as dams
+from geometry.random_scenes import standing_dam
 from geometry.random_scenes.templates import OTHERS
 from geometry.scenes.doubts import doubts, fewest_rows, thin_layers
 from geometry.scenes.fill import fill
@@ -137,7 +137,7 @@ def test_a_section_follows_from_seed_and_number_and_scales_with_the_spacing(draw
         assert np.allclose(8.0 * np.array(one.polygon), other.polygon, atol=1e-3)
     few = draw(0, 3, 2.0, 1500)
     assert len(fill(few)) <= 1500 < len(fill(large))
-    monkeypatch.setattr(going_on, "MOST_DRAWS", 5)
+    monkeypatch.setattr(standing_dam, "MOST_DRAWS", 5)
     with pytest.raises(
         InputError, match="none of 5 draws .* at most 100 material points; see geometry.max_points"
     ):

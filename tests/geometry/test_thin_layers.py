@@ -50,6 +50,9 @@ def test_a_section_lower_than_its_toe_can_be_read_is_said():
     )
     (line,) = doubts(low)
     assert "1.2 m high, and toes are read where soil is 0.5 m high: enlarge it" in line
+    (zone,) = low.zones
+    turned = zone.model_copy(update={"polygon": [(0, 0), (0.6, 0), (0.6, 1.5), (0, 1.5)]})
+    assert "are x and y exchanged?" in doubts(low.changed(zones=[turned]))[0]
 
 
 def test_a_runout_of_thirty_heights_is_doubted():
