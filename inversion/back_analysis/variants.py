@@ -12,8 +12,6 @@ from typing import Any, Generic
 
 import numpy as np
 
-from geometry.scenes.fill import fill
-from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
 from geometry.scenes.scene import MOST_STRENGTH_RATIO, Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import Scene3d, Terrain
 from inversion.back_analysis.deviations import (
@@ -28,6 +26,7 @@ from inversion.estimation.data import Targets
 from inversion.estimation.forward import SectionSetup, Setup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import WATER_WORDS, Changes, OtherProperty
+from inversion.problem.layers import mean_stresses_kpa
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
     STRENGTH_RATIO,
@@ -122,21 +121,18 @@ def read_as(setup: AnySetup, asked: str, where: str) -> AnySetup:
     places = [place for place, spec in enumerate(specs) if spec.property == other]
     if not places:
         raise InputError(f"{where}: property: {asked}: the question asks for no {other}")
-    for place in places:
-        specs[place] = _read_otherwise(setup, specs[place], f"{where}: property: {asked}")
+    gravity = setup.settings.gravity_m_per_s2
+    means = mean_stresses_kpa(setup.scene, [specs[place].zones for place in places], gravity)
+    for place, mean in zip(places, means, strict=True):
+        specs[place] = _read_otherwise(
+            setup.scene, specs[place], mean, f"{where}: property: {asked}"
+        )
     return replace(setup, parameters=Parameters(specs))
 
 
-def _read_otherwise(setup: SectionSetup, spec: ParameterSpec, where: str) -> ReadOtherwise:
-    scene, points = setup.scene, fill(setup.scene)
-    stress = stress_in_kpa(
-        scene, points.position, points.volume, points.zone, setup.settings.gravity_m_per_s2
-    )
-    zones = [number for number, zone in enumerate(scene.zones) if zone.name in spec.zones]
-    own = np.isin(points.zone, zones)
-    mean, _ = mean_and_deviation(stress[own], points.volume[own])
+def _read_otherwise(scene: Scene, spec: ParameterSpec, mean: float, where: str) -> ReadOtherwise:
     if spec.property == RESIDUAL_STRENGTH:
-        for zone in (scene.zones[number] for number in zones):
+        for zone in (zone for zone in scene.zones if zone.name in spec.zones):
             if not scene.materials[zone.material].liquefied:
                 raise InputError(
                     f"{where}: the material of zone {zone.name!r} is not marked liquefied: true"

@@ -19,7 +19,7 @@ from geometry.case import Case
 from geometry.scenes.fill import fill
 from geometry.scenes.overburden import mean_and_deviation, stress_in_kpa
 from geometry.scenes.polygon_checks import area
-from geometry.scenes.scene import Scene, Zone
+from geometry.scenes.scene import Scene
 from geometry.survey.blow_counts import FILE_NAME, BlowCount
 from inversion.catalogue.correlations import RELATIONS, Relation
 from inversion.problem.question import ParameterSpec, Question
@@ -74,16 +74,31 @@ def layers_of(
     """The zones among `zones` that have a blow count, in their order; gravity [m/s2]."""
     if not any(zone in counts for zone in zones):
         return []
+    counted = [zone for zone in zones if zone in counts]
+    means = mean_stresses_kpa(scene, [[zone] for zone in counted], gravity)
+    outlines = {zone.name: zone.polygon for zone in scene.zones}
+    return [
+        Layer(zone, area(outlines[zone]), mean, counts[zone])
+        for zone, mean in zip(counted, means, strict=True)
+    ]
+
+
+def mean_stresses_kpa(scene: Scene, groups: Sequence[Sequence[str]], gravity: float) -> list[float]:
+    """Mean vertical effective stress before failure of groups of zones, by the weight above [kPa].
+
+    Args:
+        scene: the section.
+        groups: names of zones.
+        gravity: [m/s2].
+    """
     points = fill(scene)
     stress = stress_in_kpa(scene, points.position, points.volume, points.zone, gravity)
-
-    def layer(number: int, zone: Zone) -> Layer:
-        own = points.zone == number
-        mean, _ = mean_and_deviation(stress[own], points.volume[own])
-        return Layer(zone.name, area(zone.polygon), mean, counts[zone.name])
-
-    numbers = {zone.name: (number, zone) for number, zone in enumerate(scene.zones)}
-    return [layer(*numbers[zone]) for zone in zones if zone in counts]
+    means = []
+    for group in groups:
+        numbers = [number for number, zone in enumerate(scene.zones) if zone.name in group]
+        own = np.isin(points.zone, numbers)
+        means.append(mean_and_deviation(stress[own], points.volume[own])[0])
+    return means
 
 
 def estimate(relation: Relation, layers: Sequence[Layer]) -> Estimate:
