@@ -24,6 +24,13 @@ PANELS = "#section-left, #section-right, #survey-left, #survey-right"
 FIELDS = ":is(input[type=text], textarea):enabled:visible"
 NUMBERS = ("28", "3", "12,5", "0", "-4", "8.0", "1e3", "60", "0.3", "6", "12 ft", "200 psf", "soft")
 WORDS = ("silt", "sand 2", "fill_3", "Ümläut", "a")
+DESCRIBE = """(them) => them.map((one) => {
+  const { x, y, width, height } = one.getBoundingClientRect();
+  return {
+    label: one.ariaLabel, title: one.title, text: one.innerText, tag: one.tagName,
+    is_number: "number" in one.dataset, x, y, width, height,
+  };
+})"""
 #: Finds the page's documents: the page itself has no name for them.
 FIND = """async () => {
   if (window.documents_) return;
@@ -104,16 +111,13 @@ class Walk:
 
     def type(self) -> None:
         """Into any field; left by a key, or not at all."""
-        fields = self.page.locator(f":is({PANELS}, #sliders) {FIELDS}")
-        count = fields.count()
-        if not count:
+        field, it = self._any(f":is({PANELS}, #sliders) {FIELDS}")
+        if field is None:
             return
-        field = fields.nth(self.chance.randrange(count))
-        is_number = field.get_attribute("data-number") is not None
-        text = self.chance.choice(NUMBERS if is_number else WORDS)
-        if field.evaluate("one => one.tagName") == "TEXTAREA":
+        text = self.chance.choice(NUMBERS if it["is_number"] else WORDS)
+        if it["tag"] == "TEXTAREA":
             text = "notes"
-        self._note(field.get_attribute("aria-label"), text)
+        self._note(it["label"], text)
         if not self._click(field, click_count=3):
             return
         self.page.keyboard.type(text, delay=self.chance.choice((0, 60)))
@@ -128,13 +132,11 @@ class Walk:
 
     def press_button(self) -> None:
         """Any of those in the panels that change the documents, and the folds."""
-        found = self.page.locator(f":is({PANELS}) :is(button:enabled, summary):visible")
-        count = found.count()
-        if not count:
+        button, it = self._any(f":is({PANELS}) :is(button:enabled, summary):visible")
+        if button is None:
             return
-        one = found.nth(self.chance.randrange(count))
-        self._note(one.inner_text(), one.get_attribute("title"))
-        self._click(one)
+        self._note(it["text"], it["title"])
+        self._click(button)
 
     def drag_vertex(self) -> None:
         """By some metres."""
@@ -150,14 +152,10 @@ class Walk:
     def drag_slider(self) -> None:
         """Back and forth."""
         self._show("slide")
-        found = self.page.locator("#sliders input[type=range]:visible")
-        count = found.count()
-        if not count:
+        slider, it = self._any("#sliders input[type=range]:visible")
+        if slider is None:
             return
-        box = found.nth(self.chance.randrange(count)).bounding_box()
-        if box is None:
-            return
-        self._drag(box["x"] + self.chance.random() * box["width"], box["y"] + box["height"] / 2, 40)
+        self._drag(it["x"] + self.chance.random() * it["width"], it["y"] + it["height"] / 2, 40)
 
     def draw_zone(self) -> None:
         """A triangle somewhere."""
@@ -328,6 +326,19 @@ class Walk:
 
     def _pixel(self, place: list[float]) -> tuple[float, float]:
         return pixel_of(self.page, *place)
+
+    def _any(self, selector: str) -> tuple[Any, dict[str, Any]]:
+        """One of the elements, and what it is; none: `None`.
+
+        What they are is read at once: between two questions an edit of the other tab, or an answer,
+        may have taken the element away, and a question to what is not there waits.
+        """
+        found = self.page.locator(selector)
+        them = found.evaluate_all(DESCRIBE)
+        if not them:
+            return None, {}
+        number = self.chance.randrange(len(them))
+        return found.nth(number), them[number]
 
     def _click(self, found: Any, **more: Any) -> bool:
         """With the mouse, where it can be seen; the page may have moved it meanwhile."""
