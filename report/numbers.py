@@ -70,7 +70,7 @@ def plus_minus(value: float, std: float, unit: str = "") -> str:
     """
     if unit == LN_RATIO:
         return f"{with_unit(value, unit)} ({from_to(value - std, value + std, unit)})"
-    places = min(max(0, 1 - math.floor(math.log10(std))), 3) if std > 0 else 2
+    places = places_by(std)
     return with_unit(f"{fixed(value, places)} ± {std:.{places}f}", unit)
 
 
@@ -82,13 +82,14 @@ def from_to(low: float, high: float, unit: str = "") -> str:
 
 def at_least(value: float, std: float, unit: str = "") -> str:
     """A lower bound of 95 %, to two digits of the standard deviation behind it."""
-    places = min(max(0, 1 - math.floor(math.log10(std))), 3) if std > 0 else 2
+    places = places_by(std)
     return f"≥ {with_unit(fixed(value, places), unit)} (95 %)"
 
 
-def limited(value: float | None, censored: bool) -> str | None:
-    """A measured value, or the limit that it kept below."""
-    return f"< {fixed(value)}" if censored else fixed(value)
+def limited(value: float | None, censored: bool, std: float | None = None) -> str | None:
+    """A measured value, or the limit that it kept below, to the digits of its deviation."""
+    places = measured_places(std)
+    return f"< {fixed(value, places)}" if censored else fixed(value, places)
 
 
 def span(low: float | None, high: float | None, places: int = 1) -> str | None:
@@ -99,6 +100,16 @@ def span(low: float | None, high: float | None, places: int = 1) -> str | None:
 def places_of(unit: str) -> int:
     """Decimal places of an unknown's value: one, and three of a ratio, which has no unit."""
     return 1 if unit else 3
+
+
+def places_by(std: float) -> int:
+    """Decimal places that show a standard deviation in two digits, three at most."""
+    return min(max(0, 1 - math.floor(math.log10(std))), 3) if std > 0 else 2
+
+
+def measured_places(std: float | None) -> int:
+    """Decimal places of a measurement and of what predicts it: one, more where it is so exact."""
+    return max(1, places_by(10.0 * std)) if std else 1
 
 
 def plural(count: int, noun: str) -> str:

@@ -98,14 +98,17 @@ def simulation_3d(done: Simulation3d) -> Found:
 
 def back_analysis(result: Result) -> Found:
     """Every parameter with its 95 % interval."""
-    lines = [line for p in result.answer.parameters for line in (_parameter(p), _movers(p))]
+    reached = result.answer.reached
+    lines = [
+        line for p in result.answer.parameters for line in (_parameter(p, reached), _movers(p))
+    ]
     if len(result.answer.parameters) > 1:  # of a single one its own line says so
         lines += [f"Not determined: {one.words}." for one in result.answer.undetermined]
     if not result.sensitivities and result.noise is None:
         lines.append(
             "Standard deviation of survey, points and cells; the full back-analysis has the rest."
         )
-    if not result.answer.reached:
+    if not reached:
         lines.append(f"Not fitted: {result.answer.words}.")
     strengths = []
     for p in result.answer.parameters:
@@ -121,7 +124,7 @@ def back_analysis(result: Result) -> Found:
                     p.label,
                     p.value,
                     p.interval_95,
-                    "95 %",
+                    "95 %" if reached else "not fitted",
                     std=p.std_total,
                     zones=p.zones,
                 )
@@ -165,13 +168,14 @@ def _implied(found: ImpliedStrengths) -> Found:
     }
 
 
-def _parameter(p: ParameterAnswer) -> str:
+def _parameter(p: ParameterAnswer, reached: bool) -> str:
     if p.lower_bound_95 is not None:
         return f"{p.label} {at_least(p.lower_bound_95, p.std_total, p.unit)}: nothing ran"
     doubt = "" if p.determined else "; not determined by the data"
-    within = f"{span(*p.interval_95, places_of(p.unit))} {unit_of(p.unit)}".rstrip()
+    interval = f", 95 % {span(*p.interval_95, places_of(p.unit))} {unit_of(p.unit)}".rstrip()
+    within = interval if reached else ""
     meant = "" if p.strength_kpa is None else f"; {meant_words(p)}"
-    return f"{answer_words(p)}, 95 % {within}{meant}{doubt}"
+    return f"{answer_words(p)}{within}{meant}{doubt}"
 
 
 def _movers(p: ParameterAnswer) -> str:

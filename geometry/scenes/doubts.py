@@ -23,6 +23,8 @@ HEIGHTS = 0.03, 400.0
 LEAST_HEIGHT, FARTHEST = 2.0, 30.0
 #: A section taller than this many of its lengths stands on its side.
 SLENDER = 1.5
+#: A section this long or less may be one whose x is a longitude [deg]: 0.1 are 5 to 11 km.
+DEGREES = 0.1
 #: Strengths beyond this are of rock or concrete, or in Pa [kPa]; angles below it in radians [deg].
 STRONGEST_KPA, SMALLEST_DEG = 1000.0, 1.5
 #: Verticals on which soil is looked for.
@@ -97,11 +99,16 @@ def _size(scene: Scene) -> Iterator[str]:
     if not HEIGHTS[0] <= tall <= HEIGHTS[1]:
         yield f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)?"
     elif tall > SLENDER * long:
-        yield f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y exchanged?"
+        degrees = " or is x in degrees" if long < DEGREES else ""
+        yield (
+            f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y "
+            f"exchanged{degrees}?"
+        )
     elif tall < LEAST_HEIGHT:
         yield (
-            f"the section is {tall:.3g} m high, and toes are read where soil is 0.5 m high: "
-            "enlarge it, strengths by the same factor, times by its root"
+            f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)? If so: "
+            "toes are read where soil is 0.5 m high, so enlarge it, strengths by the same factor, "
+            "times by its root"
         )
 
 

@@ -247,7 +247,10 @@ def _runout(text: str, side: Side, scene: Scene) -> Runout:
         number = float(value)
         spread = float(std) if plus_minus else None
     except ValueError:
-        raise InputError(f"--runout {text}: must look like left=53 or right=6.5+-1") from None
+        point = "; a decimal comma is written as a point" if "," in text else ""
+        raise InputError(
+            f"--runout {text}: must look like left=53 or right=6.5+-1{point}"
+        ) from None
     if not 0.0 < number < 1e5 or (spread is not None and not 0.0 < spread < 1e5):
         raise InputError(f"--runout {text}: runout and its uncertainty must be greater than 0")
     assumed = max(ASSUMED_SHARE * number, scene.spacing)

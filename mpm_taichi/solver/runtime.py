@@ -7,8 +7,8 @@ chunk of frames is done.
 
 from __future__ import annotations
 
+import io
 import os
-import sys
 import textwrap
 from contextlib import redirect_stdout
 from functools import cache
@@ -70,7 +70,7 @@ def start(device: str, threads: int | None) -> int:
         return count
     arch = ti.cpu if device == "cpu" else ti.cuda
     try:
-        with redirect_stdout(sys.stderr):  # where Taichi says on what it starts
+        with redirect_stdout(io.StringIO()):  # of what it says: on which device it starts
             ti.init(arch=arch, cpu_max_num_threads=count, default_fp=ti.f32, **OPTIONS)
     except Exception as error:
         raise WorkFailed(f"device {device}: Taichi did not start: {error}") from error

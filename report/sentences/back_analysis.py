@@ -18,6 +18,7 @@ from report.data.back_analysis import MANY, BackAnalysisData
 from report.numbers import (
     at_least,
     fixed,
+    measured_places,
     places_of,
     plus_minus,
     signed,
@@ -191,8 +192,13 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
         for p in (*data.strengths, *data.ratios)
         if p.lower_bound_95 is None
     ]
-    if ranges:
+    if ranges and result.answer.reached:
         said.append(f"95 % range: {'; '.join(ranges)}.")
+    elif ranges:
+        said.append(
+            "No 95 % range is given: the answer does not meet the data, and ± is what it would be "
+            "if it did."
+        )
     if data.fitted:
         maps = [one for one in data.series if len(one.lines) > MANY]
         single = [m for m in data.fitted if not any(m in one.lines for one in maps)]
@@ -261,7 +267,7 @@ def _compare(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Com
     beyond = int((np.abs(off) > FAR).sum())
     words = (
         f"{name} measured {'< ' * m.censored}{m.measured:g} ± {m.std:.3g} {m.unit}, predicted "
-        f"{fixed(value)} {m.unit}"
+        f"{fixed(value, measured_places(m.std))} {m.unit}"
     )
     if len(lines) > 1:
         square = np.sqrt(np.mean([(value - m.measured) ** 2 for m, value in lines]))
@@ -445,7 +451,11 @@ def undetermined_sentences(data: BackAnalysisData) -> list[str]:
                 f"{after} after the fit, {before} before ({basis}). "
                 f"The value {fixed(p.value, places_of(p.unit))} is where the search ended."
             )
-    return said or ["The data determine every unknown."]
+    if said:
+        return said
+    if not data.result.answer.reached:
+        return ["What the data determine is not known: the answer does not meet them."]
+    return ["The data determine every unknown."]
 
 
 def variant_sentence(data: BackAnalysisData) -> str:

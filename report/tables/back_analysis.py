@@ -17,6 +17,7 @@ from report.data.methods import slides
 from report.numbers import (
     fixed,
     limited,
+    measured_places,
     places_of,
     plus_minus,
     root_mean_square,
@@ -46,6 +47,8 @@ def answer_table(data: BackAnalysisData) -> Table:
         stress, places = None, places_of(p.unit)
         if p.sigma_v0_kpa is not None:
             stress = f"{p.sigma_v0_kpa:.0f} (± {p.sigma_v0_std_kpa:.0f} within the zone)"
+        # Of what does not meet the data no range is known.
+        interval = span(*p.interval_95, places) if data.result.answer.reached else None
         notes = [] if p.determined else [f"not determined (± {p.prior_std:.2g} before)"]
         notes += [f"at its {p.at_bound} bound"] if p.at_bound else []
         bound = p.lower_bound_95 is not None
@@ -57,7 +60,7 @@ def answer_table(data: BackAnalysisData) -> Table:
                 with_unit(fixed(p.value, places), p.unit),
                 fixed(p.std_total, places),
                 fixed(p.std_data, places),
-                f"≥ {fixed(p.lower_bound_95, places)}" if bound else span(*p.interval_95, places),
+                f"≥ {fixed(p.lower_bound_95, places)}" if bound else interval,
                 None if p.equally_good_range is None else span(*p.equally_good_range, places),
                 _ratio(p),
                 stress,
@@ -176,7 +179,7 @@ def engine_table(data: BackAnalysisData) -> Table:
     header = [
         "engine",
         *_columns(parameters),
-        *(f"{m.name}: measured {limited(m.measured, m.censored)} {m.unit}" for m in fitted),
+        *(f"{m.name}: measured {_measured(m)}" for m in fitted),
         "loss",
         "points every",
     ]
@@ -235,18 +238,24 @@ def measured_table(data: BackAnalysisData, lines: Sequence[MeasurementAnswer]) -
         [
             m.name,
             m.type.replace("_", " "),
-            None if m.measured is None else with_unit(limited(m.measured, m.censored), m.unit),
+            _measured(m),
             None if m.std is None else f"{m.std:.2g}",
-            span(m.low, m.high),
-            with_unit(fixed(m.predicted), m.unit),
-            fixed(m.by_eye),
-            fixed(m.predicted_at_start),
+            span(m.low, m.high, measured_places(m.std)),
+            with_unit(fixed(m.predicted, measured_places(m.std)), m.unit),
+            fixed(m.by_eye, measured_places(m.std)),
+            fixed(m.predicted_at_start, measured_places(m.std)),
             signed(m.difference_in_std),
             m.role,
         ]
         for m in lines
     ]
     return Table(header, rows)
+
+
+def _measured(m: MeasurementAnswer) -> str | None:
+    """What was measured, with its unit; None: nothing."""
+    value = limited(m.measured, m.censored, m.std)
+    return None if value is None else with_unit(value, m.unit)
 
 
 def source_table(lines: Sequence[MeasurementAnswer]) -> Table:
@@ -272,9 +281,9 @@ def _series_table(one: Series) -> Table:
     rows = [
         [
             m.name.removeprefix(one.name).strip() or m.name,
-            fixed(m.measured),
+            fixed(m.measured, measured_places(m.std)),
             f"{m.std:.2g}",
-            fixed(m.predicted),
+            fixed(m.predicted, measured_places(m.std)),
             signed(m.difference_in_std),
             m.role,
         ]

@@ -175,7 +175,7 @@ def _measured(one: Series) -> str:
     first = one.lines[0]
     if len(one.lines) > 1:
         return f"{len(one.lines)} numbers"
-    value = with_unit(limited(first.measured, first.censored) or "", first.unit)
+    value = with_unit(limited(first.measured, first.censored, first.std) or "", first.unit)
     return value if first.std is None else f"{value} ± {first.std:.2g}"
 
 

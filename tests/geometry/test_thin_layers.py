@@ -49,7 +49,8 @@ def test_a_section_lower_than_its_toe_can_be_read_is_said():
         }
     )
     (line,) = doubts(low)
-    assert "1.2 m high, and toes are read where soil is 0.5 m high: enlarge it" in line
+    assert "1.2 m high; is the unit of the drawing right" in line
+    assert "toes are read where soil is 0.5 m high, so enlarge it" in line
     (zone,) = low.zones
     turned = zone.model_copy(update={"polygon": [(0, 0), (0.6, 0), (0.6, 1.5), (0, 1.5)]})
     assert "are x and y exchanged?" in doubts(low.changed(zones=[turned]))[0]

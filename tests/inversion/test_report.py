@@ -22,10 +22,12 @@ from report.numbers import signed
 from report.sentences.back_analysis import (
     answer_sentence,
     doubted,
+    meaning_sentences,
     misfit_sentence,
     undetermined_sentences,
     variant_sentences,
 )
+from report.tables.back_analysis import answer_table, measured_table
 from tests.inversion.report_case import NASTY, document, full, least, measurement, parameter
 from tests.pipeline.test_page import Outline
 
@@ -139,7 +141,20 @@ def test_the_answer_is_one_sentence():
         BackAnalysisData(Path(), Result.model_validate(made))
     )
     made["answer"]["reached"] = False
-    assert "NOT FITTED" in answer_sentence(BackAnalysisData(Path(), Result.model_validate(made)))
+    data = BackAnalysisData(Path(), Result.model_validate(made))
+    assert "NOT FITTED" in answer_sentence(data)
+    said = "\n".join([summary(data), *meaning_sentences(data)])
+    assert "No 95 % range is given" in said and "95 % range:" not in said
+    assert "What the data determine is not known" in said and "every unknown" not in said
+    assert answer_table(data).rows[0][answer_table(data).header.index("95 %")] is None
+
+
+def test_a_measurement_has_the_digits_of_its_deviation():
+    for std, measured in ((5.0, "1.2 m"), (0.5, "1.2 m"), (0.02, "1.23 m"), (0.002, "1.234 m")):
+        line = measurement("toe", measured=1.2341, std=std)
+        made = Result.model_validate(document([parameter("s")], measurements=[line]))
+        (row,) = measured_table(BackAnalysisData(Path(), made), made.measurements).rows
+        assert row[2] == measured
 
 
 def test_what_a_hand_check_doubts_stands_in_the_first_line():
