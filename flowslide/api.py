@@ -526,6 +526,7 @@ def predict(
     case: Place | Case,
     strengths: Sequence[str | KnownStrength] = (),
     *,
+    ratios: Sequence[str] = (),
     posterior: Place | None = None,
     out: Place | None = None,
     zones: Sequence[str] = (),
@@ -542,7 +543,9 @@ def predict(
     Args:
         case: with a section, at least; or a body in three dimensions: `scene3d.yaml` or its folder.
         strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
-            Empty: those of `posterior`.
+            Empty: `ratios` or `posterior`.
+        ratios: of further zones, S_r over the vertical effective stress before failure, written
+            alike: "0.12+-0.03"; that of each point follows from its own stress.
         posterior: in place of strengths: `out` of a `posterior`, whose draws are the strengths.
         out: `prediction.json` and its page are written there, of a body exceedance maps as well.
         zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
@@ -566,7 +569,7 @@ def predict(
     from geometry.scenes3d.scene3d import is_body
 
     run = Run.of(Options, options)
-    read = _strengths(strengths, posterior, zones, distribution)
+    read = _strengths(strengths, ratios, posterior, zones, distribution)
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value is not None and value < least:
             raise InputError(f"--{name} {value}: at least {least}")
@@ -690,21 +693,24 @@ def _predict_body(
 
 def _strengths(
     strengths: Sequence[str | KnownStrength],
+    ratios: Sequence[str],
     posterior: Place | None,
     zones: Sequence[str],
     distribution: Literal["lognormal", "normal"],
 ) -> Sequence[KnownStrength]:
     """The strengths of a prediction as they are given, or as a posterior has drawn them."""
-    from inversion.prediction.known_strength import OPTION, drawn_strengths, parse_strength
+    from inversion.prediction.known_strength import OPTIONS, drawn_strengths, parse_strength
+    from inversion.problem.question import STRENGTH_RATIO
 
-    if bool(strengths) == (posterior is not None):
+    if bool(strengths or ratios) == (posterior is not None):
         raise InputError("predict: give strengths or a posterior, one of the two")
     if posterior is not None:
         read: Sequence[KnownStrength] = drawn_strengths(os.fspath(posterior))
     else:
         read = [parse_strength(s, distribution) if isinstance(s, str) else s for s in strengths]
+        read += [parse_strength(text, distribution, STRENGTH_RATIO) for text in ratios]
     if zones and read[0].zones:
-        raise InputError(f"--zones: {OPTION} names its zones already")
+        raise InputError(f"--zones: {OPTIONS[read[0].property]} names its zones already")
     return read
 
 

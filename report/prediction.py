@@ -75,7 +75,7 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
         ),
     ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
-    lead = f"Assumed S_r: {strength_words(document)}{_by(document)}."
+    lead = f"Assumed: {strength_words(document)}{_by(document)}."
     write_page(folder / PAGE, title, [Section("How far it would run", parts)], lead=lead)
     return folder / PAGE
 
@@ -200,9 +200,7 @@ def save_prediction_picture(scene: Scene, document: dict[str, Any], path: str | 
         weight="bold",
         va="center",
     )
-    figure.text(
-        0.075, 1 - 0.55 / total, f"S_r = {strength_words(document)}", fontsize=9, va="center"
-    )
+    figure.text(0.075, 1 - 0.55 / total, strength_words(document), fontsize=9, va="center")
     draw_curves(panel(figure, 0.75, 0.55, 9.1, 2.75), document)
     save_figure(figure, path, dpi=150)
 

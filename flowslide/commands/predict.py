@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from flowslide.commands import options
 
-OPTION = "--residual-strength"
+OPTION, RATIO_OPTION = "--residual-strength", "--strength-ratio"
 KINDS: tuple[Literal["lognormal", "normal"], ...] = ("lognormal", "normal")
 FROM_COUNTS = "--from-blow-counts"
 FROM_POSTERIOR = "--posterior"
@@ -40,6 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MEAN+-STD",
         action="append",
         help="kPa, such as 18+-5; of some zones: 1,6=4+-1; may be repeated",
+    )
+    asked.add_argument(
+        RATIO_OPTION,
+        dest="ratios",
+        metavar="MEAN+-STD",
+        action="append",
+        help="strength over the vertical effective stress before failure, such as 0.12+-0.03; of "
+        "some zones: 1,6=0.1+-0.02; may be repeated",
     )
     asked.add_argument(
         FROM_POSTERIOR,
@@ -104,9 +112,11 @@ def run(arguments: argparse.Namespace) -> None:
     }
     if arguments.from_blow_counts:
         for name in chosen:
-            raise InputError(f"--{name}: belongs to {OPTION}; {FROM_COUNTS} has none")
+            raise InputError(f"--{name}: is of strengths that are given; {FROM_COUNTS} has none")
     if arguments.posterior is not None and "distribution" in chosen:
-        raise InputError(f"--distribution: belongs to {OPTION}; {FROM_POSTERIOR} has its own")
+        raise InputError(
+            f"--distribution: is of strengths that are given; {FROM_POSTERIOR} has its own"
+        )
     settings = load_config(arguments.config, arguments.overrides)
     case = arguments.case if body else api.load_case(arguments.case, settings=settings)
     name = options.name_3d(arguments.case) if body else case.name
@@ -130,6 +140,7 @@ def run(arguments: argparse.Namespace) -> None:
             document = api.predict(
                 case,
                 arguments.strengths or (),
+                ratios=arguments.ratios or (),
                 posterior=arguments.posterior,
                 engine=arguments.engine,
                 thicker_than_m=arguments.thicker_than,

@@ -76,7 +76,7 @@ def predict_from_blow_counts(
     # The scatter of a relation is ten times what is not known of the cells: it has no part of it.
     logs = [np.log(layer_strengths(relation, layers)[len(SCORES) // 2]) for relation in relations]
     middle = np.exp(np.mean(logs, axis=0)).tolist()
-    known = [replace(one, mean_kpa=kpa) for one, kpa in zip(layered, middle, strict=True)]
+    known = [replace(one, mean=kpa) for one, kpa in zip(layered, middle, strict=True)]
     cells = case.cells_by(engine, store, case.setup(known))
     forward = InSmallCells(engine.made(store), cells)
     document = document_of(case, layers, forward, setup, relations)

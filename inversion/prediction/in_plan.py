@@ -71,7 +71,7 @@ def prediction_setup(
     Args:
         scene: the body.
         settings: of the simulations.
-        strengths: with their zones; they are the parameters, in their order [kPa].
+        strengths: with their zones; they are the parameters, in their order.
     """
     document = scene.document
     names = [

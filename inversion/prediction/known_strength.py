@@ -1,9 +1,10 @@
-"""A residual strength that is known: a mean and a standard deviation, or draws.
+"""A residual strength or a strength ratio that is known: mean and standard deviation, or draws.
 
 `18+-5` or `18±5` is 18 kPa with a standard deviation of 5; `1,6=4+-1` is the strength that
-zones 1 and 6 share. Everything random is drawn as standard normal scores z; a strength is a rising
-function of its z. Lognormal: mean and standard deviation are those of the strength itself. Normal:
-cut at a tenth of the mean, since a strength is positive.
+zones 1 and 6 share. A ratio S_r / sigma'_v0 is written alike, `0.12+-0.03`. Everything random is
+drawn as standard normal scores z; a strength is a rising function of its z. Lognormal: mean and
+standard deviation are those of the strength itself. Normal: cut at a tenth of the mean, since a
+strength is positive.
 
 A strength may also be known as the draws of a posterior. Several of one posterior keep what ties
 them: their draws are sampled together. Their normal scores are those of their ranks.
@@ -11,6 +12,7 @@ them: their draws are sampled together. Their normal scores are those of their r
 
 from __future__ import annotations
 
+import builtins
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,19 +22,31 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import MOST_STRENGTH_RATIO, Scene
 from geometry.scenes3d.scene3d import Terrain
 from inversion.estimation.unknowns import Parameters
 from inversion.posterior.document import load_posterior
 from inversion.posterior.draws import key, load_draws
-from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, ParameterSpec
+from inversion.prediction.response import FARTHEST
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, UNITS, ParameterSpec
 from pipeline.cli import InputError
 
 Kind = Literal["lognormal", "normal", "posterior"]
 #: Of strengths that are given as text.
 KINDS: tuple[Kind, ...] = ("lognormal", "normal")
 
-OPTION = "--residual-strength"
+Property = Literal["residual_strength_kpa", "strength_ratio"]
+#: Options by which each is given.
+OPTIONS: dict[Property, str] = {
+    RESIDUAL_STRENGTH: "--residual-strength",
+    STRENGTH_RATIO: "--strength-ratio",
+}
+#: What a message shows: a strength, and that of some zones.
+EXAMPLES: dict[Property, tuple[str, str]] = {
+    RESIDUAL_STRENGTH: ("18+-5", "1,6=4+-1"),
+    STRENGTH_RATIO: ("0.12+-0.03", "1,6=0.1+-0.02"),
+}
+SYMBOLS: dict[Property, str] = {RESIDUAL_STRENGTH: "S_r", STRENGTH_RATIO: "S_r/σ'_v0"}
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
 _FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±)\s*({_NUMBER})\s*")
 #: A normal distribution is cut below this share of the mean.
@@ -45,56 +59,73 @@ class KnownStrength:
 
     Attributes:
         zones: names of the zones that share it; empty: not said yet.
-        mean_kpa: mean.
-        std_kpa: standard deviation.
-        kind: of the distribution; posterior: `inversion.prediction.known_strength`.
+        mean: of it, in `unit`.
+        std: standard deviation, in `unit`.
+        kind: of the distribution; posterior: `DrawnStrength`.
+        property: residual strength, or ratio to the vertical effective stress before failure.
     """
 
     zones: tuple[str, ...]
-    mean_kpa: float
-    std_kpa: float
+    mean: float
+    std: float
     kind: Kind
+    property: Property = RESIDUAL_STRENGTH
 
     def at(self, score: np.ndarray | float) -> np.ndarray:
-        """Strength [kPa] of standard normal scores, any shape."""
+        """Strength of standard normal scores, any shape, in `unit`."""
         score = np.asarray(score, dtype=float)
         if self.kind == "lognormal":
-            variance = np.log1p((self.std_kpa / self.mean_kpa) ** 2)
-            return self.mean_kpa * np.exp(np.sqrt(variance) * score - 0.5 * variance)
-        cut = ndtr((LEAST_SHARE - 1.0) * self.mean_kpa / self.std_kpa)
-        return self.mean_kpa + self.std_kpa * ndtri(cut + (1.0 - cut) * ndtr(score))
+            variance = np.log1p((self.std / self.mean) ** 2)
+            return self.mean * np.exp(np.sqrt(variance) * score - 0.5 * variance)
+        cut = ndtr((LEAST_SHARE - 1.0) * self.mean / self.std)
+        return self.mean + self.std * ndtri(cut + (1.0 - cut) * ndtr(score))
 
-    @property
+    @builtins.property  # the field of that name hides it here
+    def unit(self) -> str:
+        """Its unit: kPa; empty for a ratio."""
+        return UNITS[self.property]
+
+    @builtins.property
     def words(self) -> str:
-        """For tables: zones, mean and standard deviation."""
+        """For tables: symbol, mean and standard deviation, zones."""
         zones = f"zone{'s'[: len(self.zones) > 1]} {', '.join(self.zones)}"
-        return f"{self.mean_kpa:.4g} ± {self.std_kpa:.4g} kPa in {zones} ({self.kind})"
+        value = f"{self.mean:.4g} ± {self.std:.4g} {self.unit}".rstrip()
+        return f"{SYMBOLS[self.property]} {value} in {zones} ({self.kind})"
 
 
-def parse_strength(text: str, kind: Kind) -> KnownStrength:
-    """Read one value of `--residual-strength`.
+def parse_strength(text: str, kind: Kind, what: Property = RESIDUAL_STRENGTH) -> KnownStrength:
+    """Read one value of `--residual-strength` or `--strength-ratio`.
 
     Raises:
-        InputError: not of the form, or not positive.
+        InputError: not of the form, not positive, or a ratio that is beyond any soil's.
     """
+    option, unit = OPTIONS[what], UNITS[what]
     match = _FORM.fullmatch(text.strip())
     if match is None:
+        one, of_zones = EXAMPLES[what]
         raise InputError(
-            f"{OPTION} {text!r}: must be MEAN+-STD in kPa, such as 18+-5, or ZONES=MEAN+-STD, "
-            "such as 1,6=4+-1; a decimal point, no comma"
+            f"{option} {text!r}: must be MEAN+-STD{f' in {unit}' if unit else ''}, such as {one}, "
+            f"or ZONES=MEAN+-STD, such as {of_zones}; a decimal point, no comma"
         )
     zones = None if match[1] is None else [name.strip() for name in match[1].split(",")]
     if zones is not None and not all(zones):
-        raise InputError(f"{OPTION} {text!r}: a zone before `=` has no name")
+        raise InputError(f"{option} {text!r}: a zone before `=` has no name")
     mean, std = float(match[2]), float(match[3])
     if not (0.0 < std < np.inf and 0.0 < mean < np.inf):
-        raise InputError(f"{OPTION} {text!r}: mean and standard deviation must be greater than 0")
+        raise InputError(f"{option} {text!r}: mean and standard deviation must be greater than 0")
     if std > mean:
         raise InputError(
-            f"{OPTION} {text!r}: a standard deviation of {std:g} kPa exceeds the mean; at most "
-            f"{mean:g}"
+            f"{option} {text!r}: a standard deviation of {f'{std:g} {unit}'.rstrip()} exceeds the "
+            f"mean; at most {mean:g}"
         )
-    return KnownStrength(tuple(zones or ()), mean, std, kind)
+    found = KnownStrength(tuple(zones or ()), mean, std, kind, what)
+    if what == STRENGTH_RATIO and (most := float(found.at(FARTHEST))) > MOST_STRENGTH_RATIO:
+        raise InputError(
+            f"{option} {text!r}: reaches {most:.3g}, three standard deviations up; a ratio of a "
+            f"strength to the stress is at most {MOST_STRENGTH_RATIO:g} (kPa: "
+            f"{OPTIONS[RESIDUAL_STRENGTH]})"
+        )
+    return found
 
 
 def placed(
@@ -111,7 +142,10 @@ def placed(
         InputError: no zones, an unknown zone, a zone named twice, or a zone with friction.
     """
     if any(not strength.zones for strength in strengths) and len(strengths) > 1:
-        raise InputError(f"{OPTION}: of several, each must name its zones, such as 1=4+-1")
+        raise InputError(
+            f"{OPTIONS[strengths[0].property]}: of several, each must name its zones, such as "
+            f"{EXAMPLES[strengths[0].property][1]}"
+        )
     known = [zone.name for zone in scene.zones]
     found: list[KnownStrength] = []
     taken: list[str] = []
@@ -119,17 +153,17 @@ def placed(
         own = strength.zones or tuple(zones)
         if not own:
             raise InputError(
-                f"--zones: no zone of the scene is liquefied; name those of {OPTION}: "
-                f"{', '.join(known)}"
+                "--zones: no zone of the scene is liquefied; name those of "
+                f"{OPTIONS[strength.property]}: {', '.join(known)}"
             )
         for name in own:
-            _check_zone(name, scene, taken)
+            _check_zone(name, strength.property, scene, taken)
             taken.append(name)
         found.append(replace(strength, zones=own))
     return found
 
 
-def _check_zone(name: str, scene: Scene | Terrain, taken: Sequence[str]) -> None:
+def _check_zone(name: str, what: Property, scene: Scene | Terrain, taken: Sequence[str]) -> None:
     soils = {zone.name: scene.materials[zone.material] for zone in scene.zones}
     if name not in soils:
         raise InputError(f"zone {name!r} is not in the scene; known are {', '.join(soils)}")
@@ -140,16 +174,21 @@ def _check_zone(name: str, scene: Scene | Terrain, taken: Sequence[str]) -> None
             f"zone {name!r}: its material has friction_deg {soils[name].friction_deg:g}; a "
             "residual strength belongs to a zone with friction_deg 0"
         )
+    if what == STRENGTH_RATIO and not soils[name].liquefied:
+        raise InputError(
+            f"zone {name!r}: its material is not liquefied: true, and {OPTIONS[what]} belongs to "
+            "soil that liquefies"
+        )
 
 
 @dataclass(frozen=True)
 class DrawnStrength(KnownStrength):
-    """One strength; `draws` are s values [kPa] of equal weight."""
+    """One strength; `draws` are s values of equal weight, in `unit`."""
 
     draws: tuple[float, ...] = ()
 
     def at(self, score: np.ndarray | float) -> np.ndarray:
-        """Strength [kPa] of standard normal scores, any shape: the quantile of the draws."""
+        """Strength of standard normal scores, any shape: the quantile of the draws."""
         places = (np.arange(len(self.draws)) + 0.5) / len(self.draws)
         return np.interp(ndtr(np.asarray(score, dtype=float)), places, np.sort(self.draws))
 
@@ -164,31 +203,26 @@ def widened(strength: KnownStrength, log_std: float) -> KnownStrength:
     """A strength whose logarithm may be off by more; draws of a posterior have that in them."""
     if isinstance(strength, DrawnStrength):
         return strength
-    more = strength.mean_kpa * log_std
-    return replace(strength, std_kpa=float(np.hypot(strength.std_kpa, more)))
+    more = strength.mean * log_std
+    return replace(strength, std=float(np.hypot(strength.std, more)))
 
 
 def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
-    """The residual strengths of a posterior, with their zones.
+    """The residual strengths and strength ratios of a posterior, with their zones.
 
     Args:
         path: folder of `posterior.json` and `posterior.nc`, or one of the two files.
 
     Raises:
-        InputError: no posterior, or none of a residual strength.
+        InputError: no posterior, or one of no strength.
     """
     path = Path(path)
     folder = path if path.is_dir() else path.parent
     draws, document = load_draws(folder), load_posterior(folder)
     found = []
-    ratios = [one.name for one in document.parameters if one.property == STRENGTH_RATIO]
-    if ratios:
-        raise InputError(
-            f"{folder}: {ratios[0]} is a {STRENGTH_RATIO}; a prediction takes residual strengths "
-            f"in kPa: state them with {OPTION}, or infer {RESIDUAL_STRENGTH}"
-        )
     for one in document.parameters:
-        if one.property != RESIDUAL_STRENGTH:
+        what = next((known for known in OPTIONS if known == one.property), None)
+        if what is None:
             continue
         values = draws.posterior[:, draws.unknowns.index(key(one.name))]
         found.append(
@@ -197,6 +231,7 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
                 float(values.mean()),
                 float(values.std()),
                 "posterior",
+                what,
                 tuple(map(float, values)),
             )
         )
@@ -221,12 +256,12 @@ def strength_parameters(strengths: Sequence[KnownStrength]) -> Parameters:
     return Parameters(
         [
             ParameterSpec(
-                name=f"residual_strength_{place}",
+                name=f"{one.property.removesuffix('_kpa')}_{place}",
                 zones=list(one.zones),
-                property=RESIDUAL_STRENGTH,
-                start=one.mean_kpa,
-                low=1e-6 * one.mean_kpa,
-                high=1e6 * one.mean_kpa,
+                property=one.property,
+                start=one.mean,
+                low=1e-6 * one.mean,
+                high=MOST_STRENGTH_RATIO if one.property == STRENGTH_RATIO else 1e6 * one.mean,
             )
             for place, one in enumerate(strengths, start=1)
         ]

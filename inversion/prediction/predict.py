@@ -36,7 +36,7 @@ class Distribution:
 
     Attributes:
         names: of the numbers, (m,).
-        strengths: (n, p) [kPa] of the runs that finished.
+        strengths: (n, p) of the runs that finished, each in its unit.
         scores: their standard normal scores (n, p).
         runs: their numbers (n, m).
         predictions: the same runs, whole.
@@ -88,7 +88,7 @@ def predict(
 
     Args:
         engine: predicts.
-        setup: its parameters are the strengths, in their order [kPa].
+        setup: its parameters are the strengths, in their order.
         strengths: p of them; draws of a posterior together, others independent of each other.
         cells: of the runs, where the strengths are those in small cells; None: they are as runs
             have them.
@@ -141,7 +141,7 @@ def predict(
 
 
 def values_at(strengths: Sequence[KnownStrength], scores: np.ndarray) -> np.ndarray:
-    """Strengths (n, p) [kPa] of scores (n, p)."""
+    """Strengths (n, p), each in its unit, of scores (n, p)."""
     return np.stack([s.at(scores[:, place]) for place, s in enumerate(strengths)], axis=1)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from inversion import PHYSICS_VERSION
-from inversion.prediction.known_strength import KnownStrength
+from inversion.prediction.known_strength import SYMBOLS, KnownStrength
 from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Envelope
 from inversion.prediction.prediction_case import PredictionCase
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
@@ -24,7 +24,7 @@ def document_of(
     found: Distribution,
     sections: Envelope | None,
 ) -> dict[str, Any]:
-    """The document (keys: docs/method/prediction.md); lengths in m, strengths in kPa."""
+    """The document (keys: docs/method/prediction.md); lengths in m."""
     return {
         **head_of(case.name, case.scene.spacing, strengths, found),
         "quantities": [
@@ -55,8 +55,10 @@ def head_of(
         "strengths": [
             {
                 "zones": list(s.zones),
-                "mean_kpa": s.mean_kpa,
-                "std_kpa": s.std_kpa,
+                "property": s.property,
+                "mean": s.mean,
+                "std": s.std,
+                "unit": s.unit,
                 "distribution": s.kind,
                 "words": s.words,
             }
@@ -66,24 +68,27 @@ def head_of(
         "samples": len(found.samples),
         "failed_runs": found.failed,
         "runs_cut_off": sum(not prediction.at_rest for prediction in found.predictions),
-        "remarks": _of_the_weakest(found),
+        "remarks": _of_the_weakest(strengths, found),
         "runs": [
             {
-                "strengths_kpa": _rounded(kpa),
+                "strengths": _rounded(values),
                 "predicted": dict(zip(found.names, _rounded(row), strict=True)),
             }
-            for kpa, row in zip(found.strengths, found.runs, strict=True)
+            for values, row in zip(found.strengths, found.runs, strict=True)
         ],
     }
 
 
-def _of_the_weakest(found: Distribution) -> list[str]:
+def _of_the_weakest(strengths: Sequence[KnownStrength], found: Distribution) -> list[str]:
     """What a reader should know of the run with the least strength, which goes the farthest."""
     if not len(found.strengths):
         return []
-    weakest = int(np.argmin(found.strengths.sum(axis=1)))
-    strengths = " and ".join(f"{kpa:.3g}" for kpa in found.strengths[weakest])
-    return [f"with {strengths} kPa {line}" for line in found.predictions[weakest].remarks]
+    weakest = int(np.argmin(found.scores.sum(axis=1)))
+    values = " and ".join(
+        f"{SYMBOLS[one.property]} {value:.3g} {one.unit}".rstrip()
+        for one, value in zip(strengths, found.strengths[weakest], strict=True)
+    )
+    return [f"with {values} {line}" for line in found.predictions[weakest].remarks]
 
 
 def _quantity(case: PredictionCase, found: Distribution, number: int) -> dict[str, Any]:

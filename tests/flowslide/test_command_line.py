@@ -90,14 +90,15 @@ def test_choices_are_those_of_the_library():
     from geometry.scenes.drawings import UNITS
     from gns.data.shard import SPLITS
     from inversion.classical.judgement import Judgement
-    from inversion.prediction.known_strength import KINDS, OPTION
+    from inversion.prediction.known_strength import KINDS, OPTIONS
     from mpm_taichi.comparison import FILMS
     from report.pictures.colouring import COLOURS
 
     assert simulate.FILMS == FILMS
     assert show.COLOURS == COLOURS
     assert evaluate.SPLITS == SPLITS[1:]
-    assert (predict.OPTION, predict.KINDS) == (OPTION, KINDS)
+    assert (predict.OPTION, predict.RATIO_OPTION) == tuple(OPTIONS.values())
+    assert predict.KINDS == KINDS
     assert {name for _, name, _ in classical.CALLS} <= set(Judgement.model_fields)
     parser = argparse.ArgumentParser()
     options.add_drawing(parser)

@@ -147,10 +147,10 @@ def test_a_liquefied_zone_without_a_count_is_refused(block, change, complaint):
 @pytest.mark.parametrize(
     ("more", "complaint"),
     [
-        (["--seeds", "2"], "--seeds: belongs to --residual-strength"),
+        (["--seeds", "2"], "--seeds: is of strengths that are given"),
         (["--zones", "deep"], "--zones: zone 'high' is liquefied in the section"),
         (["--zones", "wide"], "--zones: no zone 'wide'; known are deep, high"),
-        (["--samples", "500"], "--samples: belongs to"),
+        (["--samples", "500"], "--samples: is of strengths"),
     ],
 )
 def test_options_of_given_strengths_are_refused(block, more, complaint):

@@ -30,6 +30,8 @@ from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
 from inversion.prediction.prediction_document import document_of
 from inversion.prediction.response import Monotone, Surface, design, monotone
+from inversion.problem.question import STRENGTH_RATIO
+from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError, WorkFailed
 from report.prediction import summary
 from tests.inversion.analytic import Formula
@@ -46,20 +48,20 @@ def power_law(values):
 
 def closed_form(strength, beyond, *, power=1.8):
     """P(runout > beyond): the logarithm of the runout is normal."""
-    variance = np.log1p((strength.std_kpa / strength.mean_kpa) ** 2)
-    middle = np.log(53.0) - power * (np.log(strength.mean_kpa / 18.0) - 0.5 * variance)
+    variance = np.log1p((strength.std / strength.mean) ** 2)
+    middle = np.log(53.0) - power * (np.log(strength.mean / 18.0) - 0.5 * variance)
     return ndtr((middle - np.log(beyond)) / (power * np.sqrt(variance)))
 
 
 @pytest.mark.parametrize("text", ["18+-5", "18±5", " 18 +/- 5.0 ", "1.8e1+-5"])
 def test_a_strength_is_read_in_any_of_its_forms(text):
     found = parse_strength(text, "lognormal")
-    assert (found.mean_kpa, found.std_kpa, found.zones) == (18.0, 5.0, ())
+    assert (found.mean, found.std, found.zones) == (18.0, 5.0, ())
 
 
 def test_zones_stand_before_the_strength():
     found = parse_strength("1, 6=4+-1", "normal")
-    assert found.zones == ("1", "6") and found.mean_kpa == 4.0 and found.kind == "normal"
+    assert found.zones == ("1", "6") and found.mean == 4.0 and found.kind == "normal"
 
 
 @pytest.mark.parametrize(
@@ -82,6 +84,22 @@ def test_zones_stand_before_the_strength():
 def test_what_is_no_strength_is_refused(text):
     with pytest.raises(InputError, match="--residual-strength"):
         parse_strength(text, "lognormal")
+
+
+def test_a_ratio_is_read_alike_and_not_taken_for_kpa():
+    found = parse_strength("1,6=0.12+-0.03", "lognormal", STRENGTH_RATIO)
+    assert (found.zones, found.mean, found.std, found.unit) == (("1", "6"), 0.12, 0.03, "")
+    assert found.words == "S_r/σ'_v0 0.12 ± 0.03 in zones 1, 6 (lognormal)"
+    (spec,) = strength_parameters([found]).specs
+    assert spec.changes(0.2)[0] == ("1", "strength_ratio", 0.2)
+    for text, words in (
+        ("18+-5", "at most 1 (kPa: --residual-strength)"),
+        ("0.1", "must be MEAN+-STD, such as 0.12+-0.03"),
+        ("0.1+-0.2", "a standard deviation of 0.2 exceeds the mean"),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)) as refused:
+            parse_strength(text, "lognormal", STRENGTH_RATIO)
+        assert str(refused.value).startswith("--strength-ratio")
 
 
 @pytest.mark.parametrize("kind", ["lognormal", "normal"])
@@ -112,6 +130,11 @@ def test_zones_are_checked(root):
     ):
         with pytest.raises(InputError, match=words):
             placed(strengths, zones, scene)
+    ratio = replace(nameless, mean=0.1, std=0.01, property=STRENGTH_RATIO)
+    assert placed([ratio], ["1"], scene)[0].zones == ("1",)
+    firm = with_properties(scene, [("1", "liquefied", False)])
+    with pytest.raises(InputError, match="is not liquefied: true, and --strength-ratio"):
+        placed([ratio], ["1"], firm)
 
 
 def asked(engine: Formula, strengths, **more):
@@ -140,7 +163,7 @@ def test_strengths_of_the_soil_are_run_as_the_cells_need_them():
     ran = asked(engine, [widened(lognormal(18.0 / 1.25, 5.0 / 1.25), 0.2)], samples=40_000)
     np.testing.assert_allclose(found.quantiles(), ran.quantiles(), rtol=1e-6)
     assert found.strengths == pytest.approx(1.25 * ran.strengths)
-    assert widened(lognormal(18.0, 3.0), 0.25).std_kpa == pytest.approx(np.hypot(3.0, 4.5))
+    assert widened(lognormal(18.0, 3.0), 0.25).std == pytest.approx(np.hypot(3.0, 4.5))
 
 
 def test_two_strengths_act_together():
@@ -150,7 +173,7 @@ def test_two_strengths_act_together():
         lambda v: np.array([53.0 * (v[0] / 18.0) ** -1.0 * (v[1] / 10.0) ** -0.5]), ["toe"]
     )
     found = asked(engine, strengths, samples=40_000)
-    variances = [np.log1p((s.std_kpa / s.mean_kpa) ** 2) for s in strengths]
+    variances = [np.log1p((s.std / s.mean) ** 2) for s in strengths]
     middle = np.log(53.0) + 0.5 * variances[0] + 0.25 * variances[1]
     spread = np.sqrt(variances[0] + 0.25 * variances[1])
     beyond = np.array([30.0, 45.0, 60.0, 80.0, 100.0])
@@ -247,7 +270,7 @@ def test_a_slide_that_reaches_the_end_of_the_drawing_is_reported(root):
     found = asked(Held(power_law, ["upstream toe"]), [lognormal()])
     document = document_of(case, [lognormal()], found, None)
     (line,) = document["remarks"]
-    assert line == f"with {found.strengths.min():.3g} kPa the slide reaches the left end"
+    assert line == f"with S_r {found.strengths.min():.3g} kPa the slide reaches the left end"
     assert line in summary(document)
 
 
@@ -386,7 +409,7 @@ def test_draws_of_a_posterior_are_sampled_together():
     first = np.exp(random.normal(3.0, 0.3, 4000))
     second = 400.0 / first  # one rises as the other falls
     strengths = [
-        DrawnStrength((zone,), draws.mean(), draws.std(), "posterior", tuple(draws))
+        DrawnStrength((zone,), draws.mean(), draws.std(), "posterior", draws=tuple(draws))
         for zone, draws in (("1", first), ("2", second))
     ]
     np.testing.assert_allclose(

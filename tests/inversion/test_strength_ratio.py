@@ -252,6 +252,23 @@ def test_learned_models_have_never_seen_it(case):
             refuse(scene)
 
 
+@pytest.mark.slow
+def test_a_prediction_takes_a_ratio_as_it_was_found(twin, tmp_path):
+    folder, result, _ = twin
+    (found,) = result.answer.parameters
+    given = f"{found.value}+-{0.02 * found.value}"
+    options = {"ratios": [given], "spacing_m": 4.0, "seeds": 0, "threads": 1}
+    document = flowslide.predict(folder, **options, out=tmp_path / "out")
+    (strength,) = document["strengths"]
+    assert (strength["property"], strength["unit"]) == ("strength_ratio", "")
+    toe = next(one for one in document["quantities"] if one["name"] == "upstream toe")
+    # The correction for the cells is measured at the ratio itself, not at that of the run.
+    assert toe["quantiles"]["50"] == pytest.approx(toe["measured"], rel=0.05)
+    assert "Assumed: S_r/σ" in (tmp_path / "out/prediction.html").read_text("utf-8")
+    with pytest.raises(InputError, match="never seen strength that grows with depth"):
+        flowslide.predict(folder, **options, engine="direct", out=tmp_path / "direct")
+
+
 def test_a_diagnosis_leaves_out_what_a_ratio_rules_out(case):
     from diagnosis.hypotheses.engine_model import EngineModel
 
