@@ -236,7 +236,7 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
             )
         )
     if not found:
-        raise InputError(f"{folder}: a posterior without a residual strength")
+        raise InputError(f"{folder}: a posterior without a residual strength or ratio")
     return found
 
 

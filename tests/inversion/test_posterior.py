@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -564,6 +565,33 @@ def test_draws_are_read_back(tmp_path):
         load_draws(tmp_path)
     with pytest.raises(InputError, match="no such file"):
         load_draws(tmp_path / "elsewhere")
+
+
+def test_a_prediction_takes_strengths_and_ratios_of_a_posterior(tmp_path, monkeypatch):
+    from inversion.prediction import known_strength
+
+    kinds = {"r": "strength_ratio", "phi": "friction_deg", "s": "residual_strength_kpa"}
+    random = np.random.default_rng(0)
+    values = random.lognormal(size=(50, 3), sigma=0.1) * (0.1, 30.0, 20.0)
+    numbers = random.normal(size=(50, 1))
+    draws = Draws(
+        unknowns=list(kinds), posterior=values, prior=values, numbers=["toe"],
+        posterior_predictive=numbers, prior_predictive=numbers, log_likelihood=numbers[:, 0],
+        observed={"toe": 53.0}, facts={"case": "dam"},
+    )  # fmt: skip
+    save_draws(draws, tmp_path / "posterior.nc")
+    parameters = [SimpleNamespace(name=n, property=p, zones=[n]) for n, p in kinds.items()]
+    monkeypatch.setattr(
+        known_strength, "load_posterior", lambda folder: SimpleNamespace(parameters=parameters)
+    )
+    ratio, strength = known_strength.drawn_strengths(tmp_path)
+    assert (ratio.zones, ratio.property, ratio.unit) == (("r",), "strength_ratio", "")
+    assert (strength.zones, strength.property, strength.unit) == (("s",), kinds["s"], "kPa")
+    assert ratio.at(0.0) == pytest.approx(np.median(values[:, 0]), rel=0.02)
+    assert strength.mean == pytest.approx(values[:, 2].mean())
+    del parameters[0], parameters[1]
+    with pytest.raises(InputError, match="a posterior without a residual strength or ratio"):
+        known_strength.drawn_strengths(tmp_path)
 
 
 # --- calibration ---
