@@ -314,11 +314,13 @@ class Workspace:
                 _copy(source, temporary)
             temporary.rename(place)
             if draft is not None:
-                self._keep(name, {**read_documents(place), **draft})
+                kept = {**read_documents(place), **draft}
+                self._keep(name, kept, self._faultless(name, kept))
             return
         make_folder(place)
         empty = {"name": name, "description": "", "zones": [], "materials": {}}
-        self._keep(name, parts_of({"scene": {**empty, **(scene or {}), "name": name}}))
+        kept = parts_of({"scene": {**empty, **(scene or {}), "name": name}})
+        self._keep(name, kept, self._faultless(name, kept))
 
     def rename(self, name: str, other: str) -> None:
         """Give a case of the workspace another name; drafts, journal and jobs go with it.
@@ -380,17 +382,25 @@ class Workspace:
             raise InputError(f"case {name!r}: ships with the program; copy it to edit it")
         folder = self.place(name)
         kept = parts_of(documents)
+        # Before the look at the revision: it takes its time, in which others may write.
+        whole = self._faultless(name, kept)
         with self._writing:
             if self.revision(name) != revision:
                 return False
             first = self.hidden(name, "first")
             if not first.is_dir():
                 _copy(folder, first)
-            self._keep(name, kept)
+            self._keep(name, kept, whole)
         return True
 
-    def _keep(self, name: str, documents: Mapping[str, Any]) -> None:
-        """Keep parts as a draft; without faults they are then written, and the draft goes.
+    def _faultless(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any] | None:
+        """The parts as they are written; None: something is wrong with them."""
+        return None if self.faults(name, documents) else self._whole(name, documents)
+
+    def _keep(
+        self, name: str, documents: Mapping[str, Any], whole: Mapping[str, Any] | None
+    ) -> None:
+        """Keep parts as a draft; without faults they are then written whole, and the draft goes.
 
         Killed in between, the draft has the whole edit.
         """
@@ -398,8 +408,7 @@ class Workspace:
         make_folder(draft.parent)
         with self._writing:
             write_json(draft, {"documents": documents})
-            if not self.faults(name, documents):
-                whole = self._whole(name, documents)
+            if whole is not None:
                 if base_of(whole) != base_of(documents):
                     bases = [*self._bases(name), base_of(whole)]
                     write_json(self.hidden(name, "bases.json"), bases)

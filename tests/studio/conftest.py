@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import textwrap
+from itertools import count
 
 import pytest
 
@@ -33,7 +34,7 @@ default_set: field
 sets:
   field:
     - {name: toe, type: toe_runout, side: left, value_m: 14.0, std_m: 2.0, std_is: assumed,
-       confidence: published, source: test}
+       confidence: published, source: test NUMBER}
 """
 INVERSION = """
 parameters:
@@ -41,33 +42,65 @@ parameters:
      low: 2.0, high: 40.0}
 loss: misfit
 """
+WRITTEN = count()
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory):
+    """The folder of the tests of a file, which is emptied between them."""
+    return tmp_path_factory.mktemp("studio") / "cases"
 
 
 @pytest.fixture
-def workspace(tmp_path):
-    folder = tmp_path / "cases" / "small"
-    folder.mkdir(parents=True)
-    for name, text in (("scene", SCENE), ("measurements", MEASUREMENTS), ("inversion", INVERSION)):
-        (folder / f"{name}.yaml").write_text(textwrap.dedent(text).lstrip())
-    yield Workspace(tmp_path / "cases")
-    shutil.rmtree(tmp_path / "cases", ignore_errors=True)
+def workspace(cases):
+    """The small case, as it was drawn, and nothing else."""
+    write_small(cases)
+    yield Workspace(cases)
+    empty(cases)
 
 
 @pytest.fixture
-def address(workspace):
-    """Of a studio that runs in a process of its own."""
-    with serving(workspace.folder / "small", "--threads", "1") as found:
+def lone_workspace(tmp_path):
+    """The same in a folder that no studio serves yet: the first one gets the folder's port."""
+    write_small(tmp_path / "cases")
+    return Workspace(tmp_path / "cases")
+
+
+@pytest.fixture(scope="module")
+def studio(cases):
+    """Address of a studio that runs in a process of its own.
+
+    One serves all tests of a file: to start a server and to compile its kernels takes nine seconds,
+    and longer beside another worker.
+    """
+    write_small(cases)
+    with serving(cases / "small", "--threads", "1") as found:
         yield found
 
 
 @pytest.fixture
-def browser():
+def address(studio, workspace):
+    """Of a studio with the small case."""
+    return studio
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """A browser that runs."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
-        yield chromium
-        chromium.close()
+        found = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def browser(chromium):
+    """A browser without a window; those that a test opens are closed after it."""
+    yield chromium
+    for context in chromium.contexts:
+        context.close()
 
 
 @pytest.fixture
@@ -82,3 +115,24 @@ def page(address, browser):
     expect(found.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
     yield found
     assert not found.errors
+
+
+def write_small(cases):
+    """Write the small case; what else is there goes.
+
+    Each has a source of its own, and with it a revision: what a page that has been closed still
+    wanted to save is refused.
+    """
+    empty(cases)
+    number = str(next(WRITTEN))
+    folder = cases / "small"
+    folder.mkdir(parents=True)
+    for name, text in (("scene", SCENE), ("measurements", MEASUREMENTS), ("inversion", INVERSION)):
+        path = folder / f"{name}.yaml"
+        path.write_text(textwrap.dedent(text).lstrip().replace("NUMBER", number))
+
+
+def empty(cases):
+    """Remove what is in the folder; the server has it open, so it stays itself."""
+    for path in cases.glob("*"):
+        shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()

@@ -265,8 +265,8 @@ def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, wor
     assert read_yaml(workspace.folder / "small" / "scene.yaml")["spacing"] == 3
 
 
-def test_a_killed_server_loses_nothing_that_was_drawn(workspace, browser):
-    place = workspace.folder / "small"
+def test_a_killed_server_loses_nothing_that_was_drawn(lone_workspace, browser):
+    place = lone_workspace.folder / "small"
     with serving(place, "--threads", "1") as address:
         page = watched(browser)
         page.goto(address)
@@ -286,9 +286,9 @@ def test_a_killed_server_loses_nothing_that_was_drawn(workspace, browser):
         expect(page.locator("#section-right .faults li")).to_have_count(2)
 
 
-def test_an_open_page_saves_when_the_studio_is_started_again(workspace, browser):
+def test_an_open_page_saves_when_the_studio_is_started_again(lone_workspace, browser):
     """The folder keeps its port; the address that is printed has another token."""
-    place = workspace.folder / "small"
+    place = lone_workspace.folder / "small"
     with serving(place, "--threads", "1") as address:
         page = watched(browser)
         page.goto(address)

@@ -20,8 +20,8 @@ LEG = 20
 
 
 @pytest.mark.parametrize("seed", range(5) if WALK else [1])
-def test_page_files_and_undo_agree_after_a_walk(browser, workspace, seed):
-    walk = Walk(browser, workspace, seed)
+def test_page_files_and_undo_agree_after_a_walk(browser, lone_workspace, seed):
+    walk = Walk(browser, lone_workspace, seed)
     try:
         for number in range(1, (WALK or 40) + 1):
             walk.step()

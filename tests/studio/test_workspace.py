@@ -60,6 +60,20 @@ def test_an_edit_of_files_that_changed_elsewhere_is_not_written(workspace):
     assert workspace.read("small")["scene"]["spacing"] == 1.5
 
 
+def test_what_changes_elsewhere_while_an_edit_is_checked_stays(workspace, monkeypatch):
+    case, place = workspace.read("small"), workspace.folder / "small" / "scene.yaml"
+    check = workspace.faults
+
+    def slow(name, documents):
+        place.write_text(place.read_text().replace("spacing: 1.0", "spacing: 1.5"))
+        return check(name, documents)
+
+    monkeypatch.setattr(workspace, "faults", slow)
+    case["scene"]["spacing"] = 3.0
+    assert not workspace.save("small", case["revision"], case)
+    assert read_yaml(place)["spacing"] == 1.5
+
+
 def test_faults_of_each_document_are_named_in_words_at_their_fields(workspace):
     case = workspace.read("small")
     entry = case["measurements"]["sets"]["field"][0]
