@@ -28,6 +28,9 @@ from inversion.problem.question import FILE_NAME as QUESTION_FILE
 from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, load_question
 from pipeline.cli import InputError
 
+#: How often the cells are asked; ln of a strength from which on the second time is worth its runs.
+TIMES, WORTH = 2, 0.05
+
 
 @dataclass(frozen=True)
 class PredictionCase(Case):
@@ -80,8 +83,15 @@ class PredictionCase(Case):
             store: of its runs.
             setup: with the strengths as its first guesses.
         """
-        others = other_spacings(setup, point_count(self.scene), 2, str(self.folder))
-        return cells_by(engine, store, setup, setup.parameters.start, others)
+        values = setup.parameters.start
+        for _ in range(TIMES):
+            others = other_spacings(setup, point_count(self.scene), 2, str(self.folder))
+            found = cells_by(engine, store, setup, values, others)
+            if abs(np.log(found.factor)) < WORTH:
+                break
+            # What is known is a strength in small cells; the runs are of weaker soil.
+            values = setup.parameters.start / found.factors(setup.parameters)
+        return found
 
     def _targets(self) -> Targets:
         """All entries as one vector; nothing is fitted, so failure is judged by every number."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -191,9 +192,10 @@ def test_the_command_predicts_from_the_case_alone(block, tmp_path, capsys):
     unit = 1800.0 * 9.81e-3
     assert deep == pytest.approx(4.0 * unit, rel=0.06) and high == pytest.approx(unit, rel=0.06)
     assert len(document["relations"]) == len(RELATIONS)
-    # The stronger the layers by a relation, the shorter the way.
+    # The stronger the layers by a relation, the shorter the way; equal ones differ by the noise.
     ways = [(sum(one["strengths_kpa"].values()), one["quantities"][0]["at_median"])
             for one in document["relations"]]  # fmt: skip
-    assert np.all(np.diff([way for _, way in sorted(ways)]) <= 0.3)
+    for (weak, far), (strong, near) in combinations(sorted(ways), 2):
+        assert far > near - 0.3 or strong < 1.1 * weak
     assert (out / "from_blow_counts.html").stat().st_size > 10_000
     assert "measured" in capsys.readouterr().out
