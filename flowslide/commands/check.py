@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from flowslide.commands import options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from geometry.scenes.scene import Scene
+    from geometry.sides import Side
     from geometry.survey.measurements import Measurements
     from geometry.survey.sets import Sets
 
@@ -53,6 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
     for number, path in enumerate(paths):
         scene = load_scene(path)
         measurements = _measurements_beside(path, scene)
+        _check_question(path, scene)
         counted = _blow_counts_beside(path, scene)
         points = fill(scene)
         area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
@@ -82,7 +84,11 @@ def run(arguments: argparse.Namespace) -> None:
         print_ends(scene)
         if scene.origin is None:  # a drawn one: blocks of a template fly on purpose
             toes = () if measurements is None else measurements.chosen()
-            print_doubts(scene, [one.values[0] for one in toes if one.is_runout])
+            print_doubts(
+                scene,
+                [one.values[0] for one in toes if one.is_runout],
+                {} if measurements is None else measurements.feet(scene),
+            )
         if measurements is not None:
             _print_measurements(measurements)
         if counted:
@@ -146,11 +152,13 @@ def print_gaps(scene: Scene) -> None:
         print(f"  and {len(found) - 5} smaller gaps")
 
 
-def print_doubts(scene: Scene, runouts: Iterable[float] = ()) -> None:
-    """Print what of section and runouts [m] is hardly meant, and layers of few points."""
-    from geometry.scenes.doubts import doubts, far_runouts, thin_layers
+def print_doubts(
+    scene: Scene, runouts: Iterable[float] = (), feet: Mapping[Side, float] | None = None
+) -> None:
+    """Print what of section, runouts [m] and feet is hardly meant, and layers of few points."""
+    from geometry.scenes.doubts import doubts, far_feet, far_runouts, thin_layers
 
-    for line in [*doubts(scene), *far_runouts(scene, runouts)]:
+    for line in [*doubts(scene), *far_runouts(scene, runouts), *far_feet(scene, feet or {})]:
         print(f"  doubtful: {line}")
     for line in thin_layers(scene):
         print(f"  {line}")
@@ -191,6 +199,14 @@ def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:
     if path.name != "scene.yaml" or not (path.parent / FILE_NAME).is_file():
         return None
     return load_measurements(path.parent, scene)
+
+
+def _check_question(path: Path, scene: Scene) -> None:
+    """The question of the case whose scene this is, as far as it can be checked alone."""
+    from inversion.problem.question import FILE_NAME, load_question
+
+    if path.name == "scene.yaml" and (path.parent / FILE_NAME).is_file():
+        load_question(path.parent, scene)
 
 
 def _blow_counts_beside(path: Path, scene: Scene) -> list[str]:

@@ -6,7 +6,7 @@ sections, small ones and soil that hangs over exist, if rarely.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from shapely import bounds, get_parts, length
@@ -15,18 +15,23 @@ from shapely.ops import unary_union
 
 from geometry.scenes.polygon_checks import is_crowded, on_verticals
 from geometry.scenes.scene import Scene
+from geometry.sides import Side
 
 #: Heights of dams, slopes and experiments [m]: the highest dam has 330 m.
 HEIGHTS = 0.03, 400.0
 #: Toes are read where soil is 0.5 m high (`geometry.survey.columns`): lower sections are too small
 #: for it [m]. A runout of more heights is hardly one of a slide.
 LEAST_HEIGHT, FARTHEST = 2.0, 30.0
+#: Heights by which a stated foot may lie beside that of the section.
+FOOT = 0.25
 #: A section taller than this many of its lengths stands on its side.
 SLENDER = 1.5
 #: A section this long or less may be one whose x is a longitude [deg]: 0.1 are 5 to 11 km.
 DEGREES = 0.1
 #: Strengths beyond this are of rock or concrete, or in Pa [kPa]; angles below it in radians [deg].
 STRONGEST_KPA, SMALLEST_DEG = 1000.0, 1.5
+#: Densities of soil [kg/m3]: peat 900, the tailings of heavy ores 3500.
+DENSITIES = 800.0, 3500.0
 #: Verticals on which soil is looked for.
 VERTICALS = 400
 #: A liquefied layer has four rows of points or more; with fewer than this it is said. Six are well.
@@ -43,11 +48,25 @@ def doubts(scene: Scene) -> list[str]:
 def far_runouts(scene: Scene, runouts: Iterable[float]) -> list[str]:
     """Lines on runouts [m] that are hardly those of a slide of the section."""
     low, high = scene.extent
-    tall = high - low
+    tall, lines = high - low, []
+    for one in runouts:
+        if one > FARTHEST * tall:
+            far = f"is {one / tall:.0f} heights of the section; is its unit right?"
+            lines.append(f"a runout of {one:g} m {far}")
+        elif one < 0.0:
+            lines.append(f"a runout of {one:g} m: a toe that moves outward has a positive one")
+    return lines
+
+
+def far_feet(scene: Scene, feet: Mapping[Side, float]) -> list[str]:
+    """Lines on stated feet, side -> x [m], from which no runout of the section is counted."""
+    low, high = scene.extent
+    room = max(FOOT * (high - low), 2.0 * scene.spacing)
     return [
-        f"a runout of {one:g} m is {one / tall:.0f} heights of the section; is its unit right?"
-        for one in runouts
-        if one > FARTHEST * tall
+        f"initial.toe_{side}_x_m is {x:g} m, and the foot of the section there is at x = "
+        f"{scene.foot(side):g} m; runouts count from the former"
+        for side, x in feet.items()
+        if abs(x - scene.foot(side)) > room
     ]
 
 
@@ -119,6 +138,8 @@ def _soils(scene: Scene) -> Iterator[str]:
             continue
         if soil.cohesion_kpa > STRONGEST_KPA:
             yield f"{name}: a strength of {soil.cohesion_kpa:g} kPa is that of rock; is it in Pa?"
+        if not DENSITIES[0] <= soil.density <= DENSITIES[1]:
+            yield f"{name}: density {soil.density:g} kg/m3; is it in lb/ft3, N/m3 or kN/m3?"
         if 0.0 < soil.friction_deg < SMALLEST_DEG:
             yield f"{name}: friction_deg {soil.friction_deg:g}; is it in radians?"
     if not any(scene.materials[zone.material].liquefied for zone in scene.zones):

@@ -349,9 +349,15 @@ def _ascending(line: list[Point], name: str, source: str) -> list[Point]:
         if x1 == x:
             raise InputError(
                 f"{source}: the line {name!r} is vertical from ({x:g}, {y:g}) to ({x1:g}, {y1:g}) "
-                "m; move one of the points by a millimetre"
+                f"m; move one of the points by a millimetre{_exchanged(line)}"
             )
     return line
+
+
+def _exchanged(line: list[Point]) -> str:
+    """A line that rises farther than it goes is hardly a ground or a water table."""
+    (left, right), (low, high) = ((min(one), max(one)) for one in zip(*line, strict=True))
+    return ", or are x and y exchanged?" if high - low > right - left else ""
 
 
 def _open(ring: list[Point]) -> list[Point]:

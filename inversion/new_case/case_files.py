@@ -12,11 +12,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from geometry.random_scenes.materials import GRAVITY
-from geometry.scenes.scene import Scene
+from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.sides import Side
 from geometry.survey.profiles import Profile
+from inversion.problem.scene_changes import pool_at
 from pipeline.cli import InputError
 from pipeline.files import yaml_text
+
+#: Standard deviation that is assumed of the level of the water [m].
+LEVEL_STD = 0.5
 
 FILL_IN = "FILL IN"
 PROFILE_FILE = "post_failure_profile.csv"
@@ -330,8 +334,8 @@ def _sensitivities(scene: Scene) -> str:
         "  #   kind: zone_boundary\n"
         f"  #   vertices: [{example}]\n"
     )
-    if scene.has_water:
-        text += "  - {name: water level, kind: water_level, std_m: 0.5}   # assumed\n"
+    if _pool_may_move(scene, LEVEL_STD):
+        text += f"  - {{name: water level, kind: water_level, std_m: {LEVEL_STD}}}   # assumed\n"
     if scene.head_falls:
         text += (
             "  - {name: water that stays where it was, kind: simulation, "
@@ -352,6 +356,18 @@ def _bears(scene: Scene, factor: float) -> bool:
     try:
         scene.changed(spacing=factor * scene.spacing)
     except (InputError, ValueError):
+        return False
+    return True
+
+
+def _pool_may_move(scene: Scene, by: float) -> bool:
+    """There is water, and its level can be that much higher and lower [m]."""
+    if scene.water_level is None:
+        return False
+    try:
+        for level in (scene.water_level - by, scene.water_level + by):
+            scene_from_mapping(pool_at(scene, level), scene.name)
+    except InputError:
         return False
     return True
 

@@ -242,7 +242,8 @@ def _side(text: str) -> Side:
 
 
 def _runout(text: str, side: Side, scene: Scene) -> Runout:
-    value, plus_minus, std = text.partition("=")[2].partition("+-")
+    given = text.partition("=")[2].replace("±", "+-").replace("+/-", "+-")
+    value, plus_minus, std = given.partition("+-")
     try:
         number = float(value)
         spread = float(std) if plus_minus else None

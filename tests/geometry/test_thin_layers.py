@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flowslide.commands.check import print_doubts
-from geometry.scenes.doubts import doubts, far_runouts, thin_layers
+from geometry.scenes.doubts import doubts, far_feet, far_runouts, thin_layers
 from geometry.scenes.drawings import read_section, section_scene
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
 
@@ -111,3 +111,23 @@ def test_seams_one_above_another_are_not_one_layer():
     )
     (line,) = thin_layers(scene)
     assert "is 0.9 m thick, 1.5 rows of points" in line
+
+
+def test_a_density_in_another_unit_is_doubted():
+    scene = drawn("sheffield", 0.6)
+    name = next(iter(scene.materials))
+    for density, doubted in ((119.0, True), (950.0, False), (2100.0, False), (18600.0, True)):
+        soil = scene.materials[name].model_copy(update={"density": density})
+        soils = {**scene.materials, name: soil}
+        said = [line for line in doubts(scene.changed(materials=soils)) if "density" in line]
+        assert bool(said) is doubted, density
+
+
+def test_a_foot_far_from_the_section_and_a_negative_runout_are_doubted():
+    scene = drawn("sheffield", 0.6)
+    foot = scene.foot("left")
+    assert far_feet(scene, {"left": foot + 0.5}) == []
+    (line,) = far_feet(scene, {"left": foot - 34.0, "right": scene.foot("right")})
+    assert line.startswith(f"initial.toe_left_x_m is {foot - 34.0:g} m")
+    (line,) = far_runouts(scene, [12.0, -34.0])
+    assert "outward" in line

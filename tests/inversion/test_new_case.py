@@ -89,7 +89,7 @@ def test_the_strength_of_the_example_is_found(made, tmp_path):
 
 
 def test_a_runout_in_numbers_and_no_water(dry, tmp_path):
-    folder = new(tmp_path / "dry_dam", "--liquefied", "base", "--runout", "left=3+-0.4",
+    folder = new(tmp_path / "dry_dam", "--liquefied", "base", "--runout", "left=3±0.4",
                  "--runout", "right=6", "--upstream", "right", section=dry)  # fmt: skip
     scene, measurements = load_scene(folder / "scene.yaml"), load_measurements(folder)
     assert scene.spacing == 0.25 and not scene.has_water  # 7 m / 25, the next smaller round one
@@ -100,6 +100,25 @@ def test_a_runout_in_numbers_and_no_water(dry, tmp_path):
     assert measurements.upstream == "right" and not measurements.profiles
     assert inversion_case(load_case(folder)).question.variants == []
     assert not (folder / "post_failure_profile.csv").exists()
+
+
+def test_a_check_reads_the_question_as_well(dry, tmp_path):
+    folder = new(tmp_path / "dam", "--liquefied", "base", "--runout", "left=3", section=dry)
+    question = (folder / "inversion.yaml").read_text()
+    (folder / "inversion.yaml").write_text(question.replace("[base]", "[bas]"))
+    with pytest.raises(InputError, match="bas"):
+        main(["check", str(folder)])
+
+
+def test_deep_water_has_no_uncertain_level(dry, tmp_path):
+    for name, level, stated in (("deep", -10, False), ("high", -2, True)):
+        low = tmp_path / f"{name}.csv"
+        low.write_text(f"{dry.read_text().rstrip()}\nwater,-20,{level},\nwater,40,{level},\n")
+        folder = new(tmp_path / name, "--liquefied", "base", "--runout", "left=3", section=low)
+        assert load_scene(folder / "scene.yaml").water_level == level
+        question = (folder / "inversion.yaml").read_text()
+        assert ("kind: water_level" in question) is stated
+        main(["check", str(folder)])
 
 
 def test_water_may_come_from_the_command_line(dry, tmp_path):

@@ -609,3 +609,31 @@ def test_an_answer_that_comes_after_an_edit_is_of_another_section(page, workspac
     assert page.locator("#readings tbody tr").count() == 0
     section(page)
     assert all(abs(one) < 1e6 for one in pixel_of(page, 60.0, 5.0))
+
+
+def test_escape_takes_a_dragged_vertex_back(page, workspace):
+    section(page)
+    before = workspace.read("small")["scene"]
+    page.mouse.move(*pixel_of(page, 70, 10))
+    page.mouse.down()
+    page.mouse.move(*pixel_of(page, 73, 12), steps=4)
+    page.keyboard.press("Escape")
+    page.mouse.move(*pixel_of(page, 75, 13), steps=4)
+    page.mouse.up()
+    expect(page.locator("#status")).to_have_text("the vertex stays where it was")
+    assert page.locator("#undo").is_disabled()
+    page.wait_for_timeout(400)
+    assert workspace.read("small")["scene"] == before
+
+
+def test_what_is_undone_out_of_sight_is_shown(page, workspace):
+    page.locator('[data-mode="survey"]').first.click()
+    page.locator("summary", has_text="toe").click()
+    typed(page, "value of toe [m]", "21")
+    section(page)
+    assert page.evaluate("document.body.dataset.mode") == "section"
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("Control+z")
+    expect(page.locator('body[data-mode="survey"]')).to_have_count(1)
+    expect(page.locator("#status")).to_have_text(re.compile("^saved|answered in"), timeout=WAIT_MS)
+    assert workspace.read("small")["measurements"]["sets"]["field"][0]["value_m"] == 14.0

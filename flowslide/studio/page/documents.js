@@ -12,7 +12,7 @@ const LOOK = 3000; // ms between two looks whether the files were changed elsewh
 
 const partsOf = (found) => Object.fromEntries(PARTS.map((part) => [part, structuredClone(found[part] ?? null)]));
 
-/** `on` has changed(words, whether the section is another), same() after an edit that changed nothing, saved(case), conflict(case) and failed(words). */
+/** `on` has changed(words, whether the section is another), stepped(parts) after an undo or redo, same() after an edit that changed nothing, saved(case), conflict(case) and failed(words). */
 export class Documents {
   constructor(on) {
     this.on = on;
@@ -87,8 +87,10 @@ export class Documents {
   step(from, to, done) {
     const last = from?.pop();
     if (!last) return;
-    to.push({ words: last.words, documents: this.now });
+    const before = this.now;
+    to.push({ words: last.words, documents: before });
     this.take(last.documents, `${last.words}: ${done}`);
+    this.on.stepped(PARTS.filter((part) => JSON.stringify(before[part]) !== JSON.stringify(this.now[part])));
   }
 
   take(documents, words) {

@@ -124,6 +124,14 @@ export class Editor {
     const only = event.shiftKey && has(this.selection.zone) ? { kind: "zone", number: this.selection.zone } : null;
     const base = this.on.scene();
     let to = from;
+    const escape = (pressed) => {
+      if (pressed.key !== "Escape") return;
+      pressed.stopImmediatePropagation(); // what is chosen stays chosen
+      to = from;
+      end();
+      this.view.preview(base);
+      this.on.say("the vertex stays where it was");
+    };
     const move = (now) => {
       const copy = structuredClone(base);
       // It does not snap to itself.
@@ -140,6 +148,7 @@ export class Editor {
       canvas.removeEventListener("pointermove", move);
       canvas.removeEventListener("pointercancel", end);
       canvas.removeEventListener("pointerup", end);
+      removeEventListener("keydown", escape, true);
       this.draft = null;
       if (!same(to, from)) {
         this.on.edit("vertex moved", (documents) => moveVertex(documents.scene, from, to, only));
@@ -150,6 +159,7 @@ export class Editor {
     canvas.addEventListener("pointermove", move);
     canvas.addEventListener("pointerup", end);
     canvas.addEventListener("pointercancel", end);
+    addEventListener("keydown", escape, true);
   }
 
   move(event) {

@@ -45,6 +45,12 @@ const documents = new Documents({
     say(`${words}; saving ...`);
     refresh();
   },
+  /** What is undone out of sight is shown. */
+  stepped(parts) {
+    const isSection = parts.includes("scene");
+    if (state.mode === "section" && parts.length && !isSection) setMode("survey");
+    if (state.mode === "survey" && parts.every((part) => part === "scene") && isSection) setMode("section");
+  },
   same() { refresh(); },
   saved(found) {
     state.found = found;
