@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Check them one after another."""
+    from flowslide import api
     from geometry.random_scenes.sketch import signed_area
     from geometry.scenes.fill import fill
     from geometry.scenes.scene import load_scene, scene_files
@@ -54,7 +55,8 @@ def run(arguments: argparse.Namespace) -> None:
     for number, path in enumerate(paths):
         scene = load_scene(path)
         measurements = _measurements_beside(path, scene)
-        _check_question(path, scene)
+        if measurements is not None and (path.parent / "inversion.yaml").is_file():
+            api.load_question(path.parent)
         counted = _blow_counts_beside(path, scene)
         points = fill(scene)
         area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
@@ -199,14 +201,6 @@ def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:
     if path.name != "scene.yaml" or not (path.parent / FILE_NAME).is_file():
         return None
     return load_measurements(path.parent, scene)
-
-
-def _check_question(path: Path, scene: Scene) -> None:
-    """The question of the case whose scene this is, as far as it can be checked alone."""
-    from inversion.problem.question import FILE_NAME, load_question
-
-    if path.name == "scene.yaml" and (path.parent / FILE_NAME).is_file():
-        load_question(path.parent, scene)
 
 
 def _blow_counts_beside(path: Path, scene: Scene) -> list[str]:

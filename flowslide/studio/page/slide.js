@@ -29,7 +29,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** Sliders of the section as it is, and its slide; nothing where that is shown already, or a fault is to be mended. */
   function flow() {
-    if (state.fresh || documents.pending) return;
+    if (documents.pending) return;
+    if (state.fresh) { if (sliders.waiting) say(SIMULATING); return; }
     if (state.found.faults.length) { empty(); return; }
     pause();
     state.fresh = true;
