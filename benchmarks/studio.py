@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 CASE, DRAWN, MOVES = "lower_san_fernando", "drawn", 50
 ASKED = {
-    "first paint": 1.5,
+    "first paint": 0.3,
     "slider to first response, p50": 0.06,
     "deposits a second while dragged": 3.0,
-    "slider to deposit, p50": 0.3,
+    "slider to deposit, p50": 0.35,
     "slider to deposit, p95": 0.6,
     "frame while drawing, p50": 1 / 60,
     "frame while drawing, p95": 1 / 60,
