@@ -83,11 +83,15 @@ def material_keys(name: str) -> tuple[str, ...]:
 def ratio_changes(
     zones: Sequence[str], ratio: float, floor_kpa: float
 ) -> list[tuple[str, str, float]]:
-    """What a strength ratio makes of zones: (zone, key of its material, value)."""
+    """What a strength ratio makes of zones: (zone, key of its material, value).
+
+    The doubt of the cells may carry a ratio beyond the greatest; nothing runs at that one either.
+    """
+    greatest = min(ratio, MOST_STRENGTH_RATIO)
     return [
         change
         for zone in zones
-        for change in ((zone, STRENGTH_RATIO, ratio), (zone, "cohesion_kpa", floor_kpa))
+        for change in ((zone, STRENGTH_RATIO, greatest), (zone, "cohesion_kpa", floor_kpa))
     ]
 
 

@@ -92,6 +92,7 @@ def test_a_ratio_is_read_alike_and_not_taken_for_kpa():
     assert found.words == "S_r/σ'_v0 0.12 ± 0.03 in zones 1, 6 (lognormal)"
     (spec,) = strength_parameters([found]).specs
     assert spec.changes(0.2)[0] == ("1", "strength_ratio", 0.2)
+    assert spec.changes(1.3)[0] == ("1", "strength_ratio", 1.0)  # by the doubt of the cells
     for text, words in (
         ("18+-5", "at most 1 (kPa: --residual-strength)"),
         ("0.1", "must be MEAN+-STD, such as 0.12+-0.03"),
