@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from geometry.survey.sets import Sets
 
 DESCRIPTION = (
-    "Check scene files, and in the folder of a case its measurements as well. The first one that "
-    "is not valid ends the command with one line and exit code 2."
+    "Check scene files, and in the folder of a case its measurements and its question as well. The "
+    "first one that is not valid ends the command with one line and exit code 2."
 )
 
 #: Share by which the volume of points may differ from that of the rasters without a remark.

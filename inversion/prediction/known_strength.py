@@ -28,7 +28,13 @@ from inversion.estimation.unknowns import Parameters
 from inversion.posterior.document import load_posterior
 from inversion.posterior.draws import key, load_draws
 from inversion.prediction.response import FARTHEST
-from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, UNITS, ParameterSpec
+from inversion.problem.question import (
+    RESIDUAL_STRENGTH,
+    STRENGTH_RATIO,
+    SYMBOLS,
+    UNITS,
+    ParameterSpec,
+)
 from pipeline.cli import InputError
 
 Kind = Literal["lognormal", "normal", "posterior"]
@@ -46,7 +52,6 @@ EXAMPLES: dict[Property, tuple[str, str]] = {
     RESIDUAL_STRENGTH: ("18+-5", "1,6=4+-1"),
     STRENGTH_RATIO: ("0.12+-0.03", "1,6=0.1+-0.02"),
 }
-SYMBOLS: dict[Property, str] = {RESIDUAL_STRENGTH: "S_r", STRENGTH_RATIO: "S_r/σ'_v0"}
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
 _FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±)\s*({_NUMBER})\s*")
 #: A normal distribution is cut below this share of the mean.
@@ -86,11 +91,16 @@ class KnownStrength:
         return UNITS[self.property]
 
     @builtins.property
+    def symbol(self) -> str:
+        """S_r, or S_r over the stress, as pages write it."""
+        return SYMBOLS[self.property].replace("sigma", "σ")
+
+    @builtins.property
     def words(self) -> str:
         """For tables: symbol, mean and standard deviation, zones."""
         zones = f"zone{'s'[: len(self.zones) > 1]} {', '.join(self.zones)}"
         value = f"{self.mean:.4g} ± {self.std:.4g} {self.unit}".rstrip()
-        return f"{SYMBOLS[self.property]} {value} in {zones} ({self.kind})"
+        return f"{self.symbol} {value} in {zones} ({self.kind})"
 
 
 def parse_strength(text: str, kind: Kind, what: Property = RESIDUAL_STRENGTH) -> KnownStrength:

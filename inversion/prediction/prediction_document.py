@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from inversion import PHYSICS_VERSION
-from inversion.prediction.known_strength import SYMBOLS, KnownStrength
+from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Envelope
 from inversion.prediction.prediction_case import PredictionCase
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
@@ -85,7 +85,7 @@ def _of_the_weakest(strengths: Sequence[KnownStrength], found: Distribution) -> 
         return []
     weakest = int(np.argmin(found.scores.sum(axis=1)))
     values = " and ".join(
-        f"{SYMBOLS[one.property]} {value:.3g} {one.unit}".rstrip()
+        f"{one.symbol} {value:.3g} {one.unit}".rstrip()
         for one, value in zip(strengths, found.strengths[weakest], strict=True)
     )
     return [f"with {values} {line}" for line in found.predictions[weakest].remarks]

@@ -47,9 +47,9 @@ const documents = new Documents({
   },
   /** What is undone out of sight is shown. */
   stepped(parts) {
-    const isSection = parts.includes("scene");
-    if (state.mode === "section" && parts.length && !isSection) setMode("survey");
-    if (state.mode === "survey" && parts.every((part) => part === "scene") && isSection) setMode("section");
+    const [drawn, asked] = [parts.includes("scene"), parts.some((part) => part !== "scene")];
+    if (state.mode === "section" && asked && !drawn) setMode("survey");
+    if (state.mode === "survey" && drawn && !asked) setMode("section");
   },
   same() { refresh(); },
   saved(found) {
