@@ -60,31 +60,39 @@ def run(arguments: argparse.Namespace) -> None:
     listener = listen(arguments.port, workspace.folder)
     port, token = listener.getsockname()[1], new_token()
     live, ahead = LiveProcess(arguments.threads), LiveProcess(1, "forecast")
-    app = studio(workspace, live, token=token, first=first, forecaster=ahead)
     address = f"http://127.0.0.1:{port}/?token={token}"
-    print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)
+
+    def show(folder: Path) -> None:
+        print(f"the studio of {workspace.folder} (stop it with Ctrl-C):\n{address}", flush=True)
+        if not arguments.no_browser:  # some end only when they are closed
+            page = write_opening(folder, address).as_uri()
+            Thread(target=webbrowser.open, args=(page,), daemon=True).start()
+
     if first:
         with suppress(InputError):  # the page shows what is wrong
             live.warm(workspace.case(first).resolved())
             ahead.warm(workspace.case(first).resolved())
-    server = uvicorn.Server(
-        # Nothing leaves the machine: to compress a deposit takes longer than to pass it on.
-        uvicorn.Config(
-            app,
-            log_level="warning",
-            access_log=False,
-            ws="websockets-sansio",
-            ws_max_size=MOST_BYTES,
-            ws_per_message_deflate=False,
-        )
-    )
     try:
         with suppress(KeyboardInterrupt), ended_in_order(), temporary_folder() as folder:
             clear_left_behind()
-            if not arguments.no_browser:  # some end only when they are closed
-                page = write_opening(folder, address).as_uri()
-                Thread(target=webbrowser.open, args=(page,), daemon=True).start()
-            server.run(sockets=[listener])  # until Ctrl-C
+            app = studio(
+                workspace,
+                live,
+                token=token,
+                first=first,
+                forecaster=ahead,
+                when_ready=lambda: show(folder),
+            )
+            # Nothing leaves the machine: to compress a deposit takes longer than to pass it on.
+            config = uvicorn.Config(
+                app,
+                log_level="warning",
+                access_log=False,
+                ws="websockets-sansio",
+                ws_max_size=MOST_BYTES,
+                ws_per_message_deflate=False,
+            )
+            uvicorn.Server(config).run(sockets=[listener])  # until Ctrl-C
     finally:
         live.close()
         ahead.close()
@@ -122,7 +130,8 @@ def usual_port(folder: Path) -> int:
 def _listening(port: int) -> socket.socket:
     import socket
 
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    # Named, or asyncio leaves Nagle on: 40 ms from the head of an answer to its body.
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(("127.0.0.1", port))

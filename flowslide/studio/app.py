@@ -9,8 +9,8 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import Awaitable, Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -37,6 +36,14 @@ from pipeline import __version__
 from pipeline.cli import InputError, WorkFailed
 
 PAGE = Path(__file__).resolve().parent / "page"
+TYPES = {".css": "text/css", ".js": "text/javascript"}
+PRELOADED = {".css": "rel=preload; as=style", ".js": "rel=modulepreload"}
+#: Files of the page by their names in its addresses; styles first, which the first paint needs.
+FILES = {
+    path.relative_to(PAGE).as_posix(): path
+    for suffix in TYPES
+    for path in sorted(PAGE.rglob(f"*{suffix}"))
+}
 #: Most bytes of a request, and of an uploaded drawing.
 MOST_BYTES = 20_000_000
 TOO_DEEP = "lists and mappings are nested too deep"
@@ -55,6 +62,7 @@ def studio(
     token: str,
     first: str = "",
     forecaster: Solver | None = None,
+    when_ready: Callable[[], None] = lambda: None,
 ) -> ASGIApp:
     """The application.
 
@@ -64,7 +72,15 @@ def studio(
         live: that answers the sliders.
         token: that the browser must know.
         forecaster: that says at once about what the answer will be; None: nothing does.
+        when_ready: called as soon as a page would be answered without delay.
     """
+
+    @asynccontextmanager
+    async def ready(app: Starlette) -> AsyncIterator[None]:
+        await run_in_threadpool(_effects)  # what the first page imports and starts
+        when_ready()
+        yield
+
     own = _Studio(workspace, Jobs(workspace, live.threads), live, first, forecaster)
     routes = [
         Route("/", _answering(own.page)),
@@ -93,9 +109,9 @@ def studio(
         Route("/api/jobs/{job}/files/{file}", _answering(own.job_file)),
         Route("/api/jobs/{job}/pdf", _answering(own.job_pdf)),
         WebSocketRoute("/api/live", own.sliders),
-        Mount("/", StaticFiles(directory=PAGE)),
+        Route("/{name:path}", _answering(own.file)),
     ]
-    return Guard(Starlette(routes=routes), token=token)
+    return Guard(Starlette(routes=routes, lifespan=ready), token=token)
 
 
 def _answering(handler: Handler) -> Handler:
@@ -129,8 +145,18 @@ class _Studio:
         self.forecaster = forecaster
 
     async def page(self, request: Request) -> Response:
-        """The page."""
-        return FileResponse(PAGE / "index.html")
+        """The page; its scripts are asked for at once, not as one is found to import the next."""
+        links = ", ".join(f"</{name}>; {PRELOADED[path.suffix]}" for name, path in FILES.items())
+        return Response(
+            (PAGE / "index.html").read_bytes(), headers={"link": links}, media_type="text/html"
+        )
+
+    async def file(self, request: Request) -> Response:
+        """A script or a style."""
+        path = FILES.get(request.path_params["name"])
+        if path is None:
+            return Response(status_code=404)
+        return Response(path.read_bytes(), media_type=TYPES[path.suffix])
 
     # --- cases ---
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
-from scipy.ndimage import distance_transform_edt
 
 from geometry.scenes.scene import Point
 from geometry.survey3d.deposit import LEAST_M, samples_along
@@ -36,6 +35,8 @@ def distance_inside(deposit: Raster, least: float) -> Raster:
     if inside.all() or not inside.any():
         far = np.full(inside.shape, whole if inside.all() else -whole)
         return Raster(deposit.origin, step, far)
+    from scipy.ndimage import distance_transform_edt  # a quarter of a second of every start
+
     # A place counts as half a step from the edge that it is next to.
     within, beyond = (distance_transform_edt(part) - 0.5 for part in (inside, ~inside))
     return Raster(deposit.origin, step, step * np.where(inside, within, -beyond))

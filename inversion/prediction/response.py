@@ -9,14 +9,15 @@ left-out runs best; what it misses of them is added to the noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator, RBFInterpolator
-from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
 from pipeline.ties import smallest
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RBFInterpolator
 
 #: Scores beyond this are taken as this: one in 740 strengths on either side.
 FARTHEST = 3.0
@@ -62,6 +63,8 @@ class Monotone:
     def __init__(self, scores: np.ndarray, values: np.ndarray) -> None:
         order = np.argsort(scores)
         levelled = np.stack([monotone(column) for column in values[order].T], axis=1)
+        from scipy.interpolate import PchipInterpolator  # a quarter of a second of every start
+
         self._curve = PchipInterpolator(scores[order], levelled, axis=0)
         self._ends = scores[order][[0, -1]]
         self.missed = np.sqrt(np.mean((levelled - values[order]) ** 2, axis=0))
@@ -110,11 +113,15 @@ class Sections:
 
 def monotone(values: np.ndarray) -> np.ndarray:
     """The nearest rising or falling series to values (n,), whichever is nearer."""
+    from scipy.optimize import isotonic_regression
+
     both = [isotonic_regression(values, increasing=rising).x for rising in (True, False)]
     return smallest(both, lambda series: float(np.sum((series - values) ** 2)))
 
 
 def _spline(scores: np.ndarray, values: np.ndarray, smoothing: float) -> RBFInterpolator:
+    from scipy.interpolate import RBFInterpolator
+
     return RBFInterpolator(scores, values, kernel="thin_plate_spline", smoothing=smoothing)
 
 
