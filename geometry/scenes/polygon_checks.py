@@ -101,7 +101,7 @@ def zone_faults(
             reason = explain_validity(shape)
             place = re.search(r"\[(\S+) (\S+)\]", reason)
             places = outline if place is None else (((float(place[1]), float(place[2])),),)
-            message = f"zones: zone {name!r} is not a simple polygon: {reason}"
+            message = f"zones: zone {name!r} is not a simple polygon: {_in_words(reason)}"
             yield Fault(message, (name,), places)
         elif shape.area == 0:
             yield Fault(f"zones: zone {name!r} has no area", (name,), outline)
@@ -112,6 +112,17 @@ def zone_faults(
     tolerance = AREA_TOLERANCE * spacing * spacing  # not a square, which may overflow
     yield from _below(shapes, ground, tolerance)
     yield from _overlapping(shapes, tolerance)
+
+
+def _in_words(reason: str) -> str:
+    """What GEOS says of an outline, as a person would."""
+    what, _, place = reason.removesuffix("]").partition("[")
+    at = f" at ({place.replace(' ', ', ')})" if place else ""
+    known = {
+        "Self-intersection": "it crosses itself",
+        "Ring Self-intersection": "it touches itself",
+    }
+    return known.get(what, what) + at
 
 
 def gaps(polygons: Mapping[str, Sequence[Point]], spacing: float) -> list[tuple[float, Point]]:

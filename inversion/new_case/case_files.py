@@ -109,9 +109,7 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
             parts.append(_dump({key: value}))
     if "water_level" not in document:
         parts.append(
-            _comment(
-                f"No water. {FILL_IN} if there was some: water_level: 12.5, and phreatic_line."
-            )
+            _comment(f"{FILL_IN} if there was water: water_level, such as 12.5, and phreatic_line.")
         )
     return "".join(parts)
 

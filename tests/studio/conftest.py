@@ -97,9 +97,11 @@ def chromium():
 
 @pytest.fixture
 def browser(chromium):
-    """A browser without a window; those that a test opens are closed after it."""
+    """A browser without a window; those that a test opens are closed after it, once all is saved."""
     yield chromium
     for context in chromium.contexts:
+        for page in context.pages:
+            page.wait_for_selector("body:not([data-saving])", state="attached", timeout=20_000)
         context.close()
 
 

@@ -84,7 +84,7 @@ def test_an_embankment_is_drawn_surveyed_and_answered(address, browser, workspac
     fill(page, "pool level [m]", 3)
     page.get_by_label("pool on", exact=True).select_option("both")
     fill(page, "spacing [m]", 0.5)
-    expect(page.locator("#section-right .faults")).to_contain_text("Nothing is wrong. 864 points")
+    expect(page.locator("#section-right .faults")).to_contain_text("It holds together: 864 points")
     picture(page, "section")
 
     page.get_by_role("tab", name="Survey").click()
@@ -143,7 +143,7 @@ def test_vertices_move_together_and_every_edit_is_undone(address, browser, works
     page.mouse.up()
     saved(page)
     assert [71.0, 11.0] in ring(1) and [71.0, 11.0] in ring(2)
-    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+    expect(page.locator("#section-right")).to_contain_text("It holds together")
 
     # A fault is shown where it is, in the words of check, and the files stay as they were.
     page.locator(".vertices input").first.fill("90")
@@ -162,12 +162,12 @@ def test_vertices_move_together_and_every_edit_is_undone(address, browser, works
     page.locator("#canvas").focus()
     page.keyboard.press("Control+z")
     saved(page)
-    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+    expect(page.locator("#section-right")).to_contain_text("It holds together")
     case = workspace.read("small")
     case["scene"]["zones"] = before
     assert workspace.save("small", case["revision"], case)
     expect(page.locator("#status")).to_contain_text("changed elsewhere", timeout=WAIT_MS)
-    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+    expect(page.locator("#section-right")).to_contain_text("It holds together")
     expect(page.locator(".zone.chosen")).to_have_count(1)
 
     # New vertex, removed zone, undo, redo.
@@ -335,7 +335,7 @@ def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, wo
     page.get_by_label("drawing", exact=True).set_input_files(EXAMPLES / "road_embankment.csv")
     page.get_by_role("button", name="Make it").click()
     expect(page.locator(".zone")).to_have_count(3)
-    expect(page.locator("#section-right")).to_contain_text("Nothing is wrong")
+    expect(page.locator("#section-right")).to_contain_text("It holds together")
     assert not page.errors
 
 

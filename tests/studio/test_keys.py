@@ -164,8 +164,9 @@ def test_another_case_has_sliders_of_its_own(page):
     page.locator('[data-mode="slide"]').first.click()
     expect(page.locator("#sliders input")).to_have_count(0)
     assert page.locator("#misfit").text_content() == ""
-    page.locator("#keep").click()
-    expect(page.locator("#status")).to_have_text("the case has these values already")
+    for button in ("#keep", "#play", '[data-kind="posterior"]', '[data-kind="predict"]'):
+        expect(page.locator(button).first).to_be_disabled()
+    expect(page.locator("#ask")).to_contain_text("First to be mended: no zone is drawn yet.")
 
 
 def test_the_end_of_a_section_is_seen_and_said(page, workspace):
@@ -330,6 +331,15 @@ def test_a_soil_keeps_its_colour_when_another_liquefies(page):
     page.mouse.move(5, 5)
     page.wait_for_timeout(200)
     assert colours_at(page, 74.0, 3.0) == before
+
+
+def test_a_soil_keeps_its_colour_when_another_goes(page):
+    section(page)
+    swatch = page.locator("#section-left .zone", has=page.get_by_title("remove crest")).locator("i")
+    before = swatch.get_attribute("style")
+    page.get_by_title("remove loose").click()
+    expect(page.locator("#section-left .zone")).to_have_count(2)
+    assert swatch.get_attribute("style") == before
 
 
 def test_the_next_vertex_says_what_it_snaps_to(page):

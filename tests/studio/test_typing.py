@@ -101,8 +101,12 @@ def test_enter_goes_down_and_arrows_step(page, workspace):
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Shift+ArrowDown")
     assert focused(page) == "x of vertex 2 [m]"
-    page.keyboard.type("99")
+    typed(page, "x of vertex 2 [m]", "=6+1", "Enter")
+    told = page.locator("#section-right .wrong")
+    expect(told).to_have_text("vertex 2, x: “=6+1” is no number")
+    page.keyboard.press("Shift+Enter")
     page.keyboard.press("Escape")
+    expect(told).to_have_text("")
     ring = saved(page, workspace, "scene", "zones", 0, "polygon")
     assert ring[1][0] == 63 and ring[2][0] == 71
     page.locator("summary", has_text="firm").click()

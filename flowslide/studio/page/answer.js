@@ -38,7 +38,7 @@ export function answers(page, tell, shown) {
   watchJobs();
   document.addEventListener("effects", () => tellSwitches($("jobs"), state));
   $("close").addEventListener("click", () => $("report").close());
-  return { refresh: watchJobs, start };
+  return { refresh: watchJobs, tell: tellRunning, start };
 }
 
 /** A job on what is open: a section and a body may have the same name. */
@@ -71,7 +71,7 @@ function tellRunning() {
       && job.kind === kind && String(job.options.quick) === quick && (kind === "classical" || job.options.spacing_m === state.spacing));
     const words = now ? `${label}: ${now.state}` : label;
     if (button.textContent !== words) button.textContent = words;
-    const lacks = state.body ? state.found?.asks[kind] ?? "not in three dimensions" : "";
+    const lacks = state.body ? state.found?.asks[kind] ?? "not in three dimensions" : state.found?.faults[0]?.message ?? "";
     button.hidden = state.body && !(kind in (state.found?.asks ?? {}));
     button.disabled = Boolean(now || lacks);
     button.title = lacks || state.workspace.job_kinds[kind] + (kind === "classical" ? "" : ", at the spacing chosen on the left");
@@ -79,9 +79,10 @@ function tellRunning() {
   for (const group of $("ask").children) {
     const shown = [...group.querySelectorAll("button")].filter(({ hidden }) => !hidden);
     group.hidden = !shown.length;
-    // What a body lacks is said where it is asked.
+    // What a body lacks is said where it is asked; what is to be mended in a section, once.
     const lacks = state.body && shown.find(({ dataset }) => state.found.asks[dataset.kind]);
-    const words = group.dataset.words + (lacks ? ` It ${state.found.asks[lacks.dataset.kind]}.` : "");
+    const fault = state.body || group !== $("ask").firstChild ? "" : state.found?.faults[0]?.message;
+    const words = group.dataset.words + (lacks ? ` It ${state.found.asks[lacks.dataset.kind]}.` : fault ? ` First to be mended: ${fault}.` : "");
     if (group.firstChild.textContent !== words) group.firstChild.textContent = words;
   }
 }
@@ -102,7 +103,6 @@ async function start(kind, options) {
 }
 
 function predict() {
-  if (state.found.faults.length) { say(state.found.faults[0].message, true); return; }
   askStrengths(state, ofThisCase(), (options) => start("predict", options));
 }
 
@@ -120,7 +120,8 @@ async function watchJobs() {
   try { jobs = await get("/api/jobs"); } catch { /* the server is gone: said elsewhere */ }
   const ended = jobs.find((job) => ["done", "failed"].includes(job.state)
     && before.some((one) => one.id === job.id && one.state === "running"));
-  const shown = jobs.slice(0, 12);
+  // Those of other cases as long as this one may have to wait for them.
+  const shown = jobs.filter((job) => isOurs(job) || ["running", "waiting"].includes(job.state)).slice(0, 12);
   const focused = document.activeElement;
   const held = { job: focused?.closest("#jobs > li")?.dataset.job, words: wordsOf(focused) };
   for (const number of lines.keys()) {

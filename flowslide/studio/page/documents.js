@@ -49,6 +49,9 @@ export class Documents {
   /** The server's word on the documents of now is still to come. */
   get pending() { return this.dirty || this.saving; }
 
+  /** A style or a test sees that a save is to come, or on its way. */
+  mark() { document.body.toggleAttribute("data-saving", this.pending && !this.apart && !this.failing); }
+
   get canUndo() { return this.past?.length > 0; }
   get canRedo() { return this.future?.length > 0; }
 
@@ -97,6 +100,7 @@ export class Documents {
     const isOther = JSON.stringify(documents.scene) !== JSON.stringify(this.now.scene);
     this.now = documents;
     this.dirty = true;
+    this.mark();
     this.on.changed(words, isOther);
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.save(), PAUSE);
@@ -131,6 +135,7 @@ export class Documents {
     } finally {
       this.saving = false;
       if (this.dirty && !this.apart && name === this.name) this.waiting = setTimeout(() => this.save(), PAUSE);
+      this.mark();
     }
   }
 

@@ -166,7 +166,12 @@ export function numberBox(box, { key, unit = "", value, step, list = false }, se
   });
   box.addEventListener("keydown", (event) => {
     if (event.key === "Enter" && !box.closest(".slider, form")) { event.preventDefault(); moveOn(box, event.shiftKey ? -1 : 1); return; }
-    if (event.key === "Escape") { box.value = shownAs(value); return; }
+    if (event.key === "Escape") {
+      box.value = shownAs(value);
+      box.removeAttribute("aria-invalid");
+      if (typed.get(key)?.fault) { typed.delete(key); wrong(""); }
+      return;
+    }
     const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
     if (!way || list || event.ctrlKey || event.metaKey) return;
     let now;

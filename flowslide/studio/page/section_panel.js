@@ -228,6 +228,7 @@ export class SectionPanel {
   vertices({ points, kind, number }) {
     // Asked for when it is used: the cell beside may have moved it since.
     const place = (i) => lines(this.scene).find((line) => line.kind === kind && line.number === number).points[i];
+    const told = el("p", { className: "wrong", "aria-live": "polite" });
     const rows = points.map((point, i) => {
       const cell = (k) => {
         const input = el("input", { "aria-label": `${"xy"[k]} of vertex ${i + 1} [m]`, "data-key": `vertex-${i}-${k}` });
@@ -236,7 +237,7 @@ export class SectionPanel {
           if (value === null) { this.showRight(); return; } // a vertex without a place is none
           to[k] = value;
           this.edit("vertex moved", (scene) => moveVertex(scene, place(i), rounded(to)));
-        }, (fault) => { input.title = fault; });
+        }, (fault) => { input.title = fault; told.textContent = fault && `vertex ${i + 1}, ${"xy"[k]}: ${fault}`; });
         input.addEventListener("paste", (event) => this.paste(event, { kind, number }, i, k));
         if (kind === "zone") {
           const { place: where, wrong } = this.at("zones", number, "polygon", i, k);
@@ -255,8 +256,8 @@ export class SectionPanel {
           else this.edit("vertex removed", (scene) => removeVertex(scene, place(i)));
         }, { className: "small", title: "remove this vertex" })));
     });
-    return el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, el("td"), ...["x [m]", "y [m]"].map((text) => el("th", { textContent: text })), el("td"))),
-      el("tbody", {}, ...rows), kind === "zone" ? el("caption", { textContent: `${area(points).toFixed(1)} m²` }) : "");
+    return el("div", {}, told, el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, el("td"), ...["x [m]", "y [m]"].map((text) => el("th", { textContent: text })), el("td"))),
+      el("tbody", {}, ...rows), kind === "zone" ? el("caption", { textContent: `${area(points).toFixed(1)} m²` }) : ""));
   }
 }
 

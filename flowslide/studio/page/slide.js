@@ -48,6 +48,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   function empty() {
     forget();
     pause();
+    for (const id of ["keep", "play"]) $(id).disabled = true;
     $("sliders").replaceChildren();
     $("effects").replaceChildren();
     $("misfit").textContent = "";
@@ -280,6 +281,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     tellForecast();
     const way = view.deposit && found.header.times.length > 1;
     view.deposit = found;
+    $("play").disabled = false;
     const last = found.header.times.length - 1;
     view.frame = last;
     // Without the film there is the end alone.

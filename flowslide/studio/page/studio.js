@@ -88,7 +88,7 @@ const page = {
     const { derived, shipped } = state.found;
     if (shipped) return "This case ships with flowslide. Copy it to edit it.";
     if (!derived) return "Not checked yet.";
-    return `Nothing is wrong. ${derived.points.toLocaleString("en")} points ${derived.spacing_m} m apart. ${waterWords(documents.now.scene)}`.trim();
+    return `It holds together: ${derived.points.toLocaleString("en")} points ${derived.spacing_m} m apart. ${waterWords(documents.now.scene)}`.trim();
   },
   propose,
 };
@@ -115,6 +115,7 @@ function take(found) {
   view.ends = found.derived?.ends ?? {};
   view.preview(documents.now.scene);
   view.paintLegend();
+  questions?.tell();
   refresh();
 }
 

@@ -28,7 +28,7 @@ export function field({ words, shown = words, key = words, place = "", wrong = "
   let input;
   const isNumber = kind === "number" || kind === "numbers";
   const label = el("label", { className: `field ${kind}`, title: help }, el("span", { textContent: shown }));
-  const tellWrong = (fault) => { label.querySelector(".wrong")?.remove(); label.append(el("span", { className: "wrong", textContent: fault })); };
+  const tellWrong = (fault) => { label.querySelector(".wrong")?.remove(); if (fault) label.append(el("span", { className: "wrong", textContent: fault })); };
   if (kind === "choice") {
     input = el("select", {}, ...(value === undefined ? [new Option("choose ...", "")] : []),
       ...choices.map((one) => new Option(names[one] ?? one.replaceAll("_", " "), one, false, one === value)));

@@ -328,7 +328,7 @@ export class View {
 
   paintHatch(pen, number) {
     const { polygon, material } = this.scene.zones[number];
-    const kind = hatchOf(material, Object.keys(this.scene.materials).indexOf(material));
+    const kind = hatchOf(material, materialNumbers(this.scene).get(material));
     const { clientWidth: width, clientHeight: height } = this.canvas;
     pen.strokeStyle = pen.fillStyle = css("--hatch");
     pen.lineWidth = 0.8;
@@ -454,9 +454,26 @@ export class View {
 
 /** A colour for each zone: that of its material, whatever the others are; what liquefied stands out. */
 export function zoneColours(scene) {
-  const of = Object.fromEntries(Object.entries(scene.materials).map(([name, soil], i) =>
-    [name, soil?.liquefied ? LIQUEFIED : COLOURS[i % COLOURS.length]]));
-  return scene.zones.map((zone) => of[zone.material]);
+  const numbers = materialNumbers(scene);
+  return scene.zones.map(({ material }) => (scene.materials[material]?.liquefied ? LIQUEFIED : COLOURS[numbers.get(material) % COLOURS.length]));
+}
+
+const numbered = new Map(); // case -> material -> its number, also of one that is no longer there
+
+/** A number of each material, which it keeps while others come and go. */
+function materialNumbers(scene) {
+  const known = numbered.get(scene.name) ?? new Map();
+  numbered.set(scene.name, known);
+  const taken = new Map();
+  for (const name of Object.keys(scene.materials)) if (known.has(name) && !taken.has(known.get(name))) taken.set(known.get(name), name);
+  for (const name of Object.keys(scene.materials)) {
+    if (taken.get(known.get(name)) === name) continue;
+    let number = 0;
+    while (taken.has(number)) number += 1;
+    taken.set(number, name);
+    known.set(name, number);
+  }
+  return known;
 }
 
 export function niceStep(wanted) {

@@ -1,5 +1,6 @@
 // What stands on the left of a body: what it is, the strengths and the spacing of the next run, the ends of the section.
 
+import { numberBox } from "../numbers.js";
 import { button, el, field, refill } from "../ui.js";
 
 const MOST_POINTS = 2_000_000; // as flowslide/studio/bodies.py has it
@@ -71,18 +72,17 @@ function spacingField(derived, chosen, set) {
 }
 
 function lineFields({ paths, lines }, line, set) {
+  const told = el("p", { className: "wrong", "aria-live": "polite" });
   const box = (k, axis) => {
-    const input = el("input", { type: "text", value: line[k] ? Number(line[k][axis].toFixed(1)) : "", "aria-label": `${"xy"[axis]} of ${"AB"[k]} [m]` });
-    input.addEventListener("change", () => {
-      const value = input.value.trim() === "" ? NaN : Number(input.value.replace(",", "."));
-      if (Number.isFinite(value)) set(line.map((place, n) => place.map((old, m) => (n === k && m === axis ? value : old))));
-      else input.setAttribute("aria-invalid", "true");
-    });
-    return input;
+    const words = `${"xy"[axis]} of ${"AB"[k]}`;
+    const input = el("input", { "aria-label": `${words} [m]`, "data-key": `end-${k}-${axis}` });
+    return numberBox(input, { key: `end-${k}-${axis}`, unit: "m", value: line[k] ? Number(line[k][axis].toFixed(1)) : "" },
+      (value) => set(line.map((place, n) => place.map((old, m) => (n === k && m === axis ? value ?? old : old)))),
+      (fault) => { told.textContent = fault && `${words}: ${fault}`; });
   };
   const along = ([name, way]) => button(spaced(name), () => set([way[0], way.at(-1)]), { className: "small", title: "from its first place straight to its last" });
   return [
-    el("div", { className: "ends" }, "A", box(0, 0), box(0, 1), "B", box(1, 0), box(1, 1)),
+    el("div", { className: "ends" }, "A", box(0, 0), box(0, 1), "B", box(1, 0), box(1, 1)), told,
     note("x and y in m; or drag A, B or the line in the plan, or move it with the arrow keys there."),
     el("div", { className: "buttons" }, ...Object.entries({ ...paths, ...lines }).map(along),
       button("across", () => set(turned(line)), { className: "small", title: "a quarter turn about its middle" })),

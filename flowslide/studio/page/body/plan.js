@@ -88,8 +88,11 @@ export class Plan {
       const by = [to[0] - from[0], to[1] - from[1]];
       this.on.line(line.map(([x, y], k) => (what === "line" || what === k ? this.film.inside([x + by[0], y + by[1]]) : [x, y])));
     };
-    this.canvas.addEventListener("pointermove", move);
-    for (const end of ["pointerup", "pointercancel"]) this.canvas.addEventListener(end, () => this.canvas.removeEventListener("pointermove", move), { once: true });
+    const dragged = new AbortController();
+    const { signal } = dragged;
+    this.canvas.addEventListener("pointermove", move, { signal });
+    for (const end of ["pointerup", "pointercancel"]) this.canvas.addEventListener(end, () => dragged.abort(), { signal });
+    addEventListener("keydown", (now) => { if (now.key === "Escape" && what !== null) { dragged.abort(); this.on.line(line); } }, { signal });
   }
 
   wheel(event) {
