@@ -317,7 +317,9 @@ class _PythonEvents(Reader, Scanner, Parser):
 
 
 #: What a text consists of; libyaml reads it in a fifth of the time.
-_Events: Any = yaml.cyaml.CParser if yaml.__with_libyaml__ else _PythonEvents
+_Events: Any = (
+    yaml.cyaml.CParser if yaml.__with_libyaml__ else _PythonEvents  # type: ignore[attr-defined]
+)
 
 
 class _CheckedLoader(Composer, SafeConstructor, Resolver, _Events):

@@ -97,7 +97,7 @@ def chromium():
 
 @pytest.fixture
 def browser(chromium):
-    """A browser without a window; those that a test opens are closed after it, once all is saved."""
+    """A browser without a window; the pages of a test are closed once all is saved."""
     yield chromium
     for context in chromium.contexts:
         for page in context.pages:
