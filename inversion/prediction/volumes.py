@@ -190,7 +190,7 @@ def release(
         samples=np.maximum(found.samples, 0.0),
     )
     drawn = hydrograph(
-        line.name,
+        f"x {line.x_m:g} m",
         over_time,
         found.samples[:, -1],
         units=(VOLUME_UNIT, DISCHARGE_UNIT),

@@ -39,4 +39,5 @@ def line_words(document: Mapping[str, Any]) -> list[str]:
         f"x = {one['x_m']:g} m to the {one['side']}" if "x_m" in one else f"line {one['line']}"
         for one in found
     ]
-    return [f"hydrograph.csv: through {', '.join(places)}, every {found[0]['step_s']:g} s"]
+    step = f"{found[0]['step_s']:g} s"
+    return [f"discharge every {step} through {', '.join(places)}: hydrograph.csv"]
