@@ -7,6 +7,7 @@ ordinates whose integral is the volume exactly.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -79,7 +80,7 @@ def hydrograph_csv(found: Sequence[Mapping[str, Any]]) -> str:
         found: of `hydrograph`, all at the same times; at least one.
     """
     columns = [
-        (f"{one['line'].replace(' ', '_')}_{percent}", one["discharge"][str(percent)])
+        (f"{_column(one['line'])}_{percent}", one["discharge"][str(percent)])
         for one in found
         for percent in PERCENT
     ]
@@ -89,6 +90,11 @@ def hydrograph_csv(found: Sequence[Mapping[str, Any]]) -> str:
             time, *(ordinates[number] for _, ordinates in columns)
         )))  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def _column(line: str) -> str:
+    """Name of a line that holds no comma and no space."""
+    return re.sub(r"[^\w.]+", "_", line)
 
 
 def _rounded(values: np.ndarray) -> list[float]:

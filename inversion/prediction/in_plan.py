@@ -265,7 +265,7 @@ def _of_lines(
         hydrograph(
             line,
             smooth[:, place * steps : (place + 1) * steps],
-            found.samples[:, found.names.index(f"volume_across_{line}_m3")],
+            np.maximum(found.samples[:, found.names.index(f"volume_across_{line}_m3")], 0.0),
             units=(VOLUME_UNIT, DISCHARGE_UNIT),
         )
         for place, line in enumerate(lines)

@@ -84,14 +84,16 @@ def slides():
 def test_a_hydrograph_ends_with_the_volumes_of_the_table_and_keeps_them_as_text(tmp_path):
     smooth, at_end = slides()
     found = hydrograph("line", smooth, at_end, units=UNITS)
-    write_text(tmp_path / "hydrograph.csv", hydrograph_csv([found, {**found, "line": "two"}]))
+    write_text(
+        tmp_path / "hydrograph.csv", hydrograph_csv([found, {**found, "line": "two, below"}])
+    )
     table = np.genfromtxt(tmp_path / "hydrograph.csv", delimiter=",", names=True)
     np.testing.assert_allclose(np.diff(table["time_s"]), 1.0)
     for percent in (5, 50, 95):
         expected = np.percentile(at_end, percent)
         assert found["volume"][str(percent)][-1] == pytest.approx(expected, rel=1e-6)
         assert passed(table[f"line_{percent}"]) == pytest.approx(expected, rel=1e-5)
-        assert table[f"two_{percent}"].max() == pytest.approx(expected / 20.0, rel=1e-5)
+        assert table[f"two_below_{percent}"].max() == pytest.approx(expected / 20.0, rel=1e-5)
     chart = save_hydrographs([found], tmp_path / "hydrograph.svg")
     assert "<svg" in chart.read_text() and save_hydrographs([], tmp_path / "none.svg") is None
     assert not (tmp_path / "none.svg").exists()
