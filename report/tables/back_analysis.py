@@ -229,7 +229,7 @@ def left_out_notes(data: BackAnalysisData) -> list[str]:
         if left_out:
             notes.append(
                 f"Left out, {analysis['name']} slide, because they do not say what the strength "
-                f"is: {'; '.join(left_out)}; classical.json has their numbers."
+                f"is: {'; '.join(left_out)}; result.json has their numbers."
             )
     return notes
 
