@@ -92,7 +92,7 @@ __all__ = [
     "write_report",
 ]
 
-PREDICTION = "prediction.json"
+PREDICTION, HYDROGRAPH = "prediction.json", "hydrograph.csv"
 BLOW_COUNT_PREDICTION = "from_blow_counts.json"
 #: Jitter seeds that measure the noise of a predicted runout, where nothing else is asked for: a run
 #: in three dimensions takes a minute.
@@ -532,6 +532,7 @@ def predict(
     zones: Sequence[str] = (),
     distribution: Literal["lognormal", "normal"] = "lognormal",
     thicker_than_m: Sequence[float] = (),
+    through_m: float | None = None,
     samples: int = 20_000,
     seeds: int | None = None,
     engine: str | None = None,
@@ -553,6 +554,8 @@ def predict(
         distribution: of strengths that are given as text.
         thicker_than_m: of a body: thicknesses of the deposit [m] of which the probability is
             mapped; empty: that from which soil counts as a deposit.
+        through_m: of a section: x of the line through which the released volume passes [m]; None:
+            the foot of the side to which it slides. Of a body: the lines of its `scene3d.yaml`.
         samples: drawn from the strengths, at least 100.
         seeds: jitter seeds that measure the numerical noise, 0: none; None: 3, of a body 0.
         engine: see above; None: "mpm", of a body "mpm3d".
@@ -577,6 +580,8 @@ def predict(
         if not isinstance(case, Case) and is_body(case):
             if engine not in (None, "mpm", "mpm3d"):
                 raise InputError(f"--engine {engine}: not in three dimensions ({case})")
+            if through_m is not None:
+                raise InputError("--through: of a section; a scene3d.yaml names its lines")
             return _predict_body(
                 case,
                 read,
@@ -594,6 +599,7 @@ def predict(
             case,
             read,
             zones,
+            through_m,
             samples,
             SEEDS if seeds is None else seeds,
             engine or "mpm",
@@ -607,6 +613,7 @@ def _predict_section(
     case: Place | Case,
     read: Sequence[KnownStrength],
     zones: Sequence[str],
+    through_m: float | None,
     samples: int,
     seeds: int,
     engine: str,
@@ -619,6 +626,7 @@ def _predict_section(
     from inversion.prediction.known_strength import placed
     from inversion.prediction.prediction_case import prediction_case
     from inversion.prediction.prediction_document import document_of
+    from inversion.prediction.volumes import release, volume_entries
     from pipeline.files import write_json
     from report.prediction import write_report as write_page
 
@@ -626,22 +634,43 @@ def _predict_section(
     known = placed(read, list(zones) or section.default_zones, section.scene)
     chosen, setup = untrained(engine), section.setup(known)
     store = chosen.store_of(section.folder, setup, run.store(folder))
+    volumes = [one for one in volume_entries(section, through_m) if chosen.reads(one)]
+    if through_m is not None and not volumes:
+        raise InputError(f"--through: the engine {chosen.name} predicts the deposit alone")
     run.watch.plan({"simulating": (1 + seeds) * 7})
     with working_in(folder):
         with run.watch.stage("simulating"):
+            cells = section.cells_by(chosen, store, setup)
+            forward, also = chosen.made(store), tuple(volumes)
+            setup = replace(setup, also_read=also)
+            jittered = [
+                replace(section.setup(known, jitter_seed=seed), also_read=also)
+                for seed in range(1, seeds + 1)
+            ]
             found = prediction.predict(
-                chosen.made(store),
-                setup,
-                known,
-                cells=section.cells_by(chosen, store, setup),
-                jittered=[section.setup(known, jitter_seed=s) for s in range(1, seeds + 1)],
-                samples=samples,
+                forward, setup, known, cells=cells, jittered=jittered, samples=samples
             )
+            released = None
+            if also:
+                released = release(
+                    forward, setup, known, cells=cells, jittered=jittered, samples=samples
+                )
         sections = prediction.envelope(found, spacing=section.scene.spacing, ground=section.ground)
-        document = {**document_of(section, known, found, sections), "engine": chosen.name}
+        document = document_of(section, known, found, sections, released)
+        document = {**document, "engine": chosen.name}
         write_json(folder / PREDICTION, document)
+        _write_hydrographs(document, folder)
         write_page(section.scene, document, folder)
         return document
+
+
+def _write_hydrographs(document: Mapping[str, Any], folder: Path) -> None:
+    """The table of what passes the lines over time, where there are any."""
+    from inversion.prediction.hydrograph import hydrograph_csv
+    from pipeline.files import write_text
+
+    if document["hydrographs"]:
+        write_text(folder / HYDROGRAPH, hydrograph_csv(document["hydrographs"]))
 
 
 def _predict_body(
@@ -687,6 +716,7 @@ def _predict_body(
                 samples=samples,
             )
         write_json(folder / PREDICTION, found.document)
+        _write_hydrographs(found.document, folder)
         write_page(found, folder)
         return found.document
 

@@ -19,7 +19,7 @@ from geometry.terrain.raster import Raster
 from mpm_taichi.solver3d.problem import Problem3d
 from mpm_taichi.trajectory3d import Run3d
 
-UNITS = {"_m_per_s": "m/s", "_m3": "m3", "_m2": "m2", "_m": "m", "_s": "s"}
+UNITS = {"_m3_per_s": "m3/s", "_m_per_s": "m/s", "_m3": "m3", "_m2": "m2", "_m": "m", "_s": "s"}
 """End of the name of a reading -> its unit."""
 
 
@@ -103,6 +103,26 @@ def readings_3d(scene: Scene3d, problem: Problem3d, run: Run3d, maps: Maps) -> d
         x, y = np.meshgrid(*maps.after.axes, indexing="ij")
         off = maps.surface.values - scene.ground.after.at(x, y)
         found["rms_to_measured_surface_m"] = float(np.sqrt(np.mean(off**2)))
+    return found
+
+
+def volumes_across(
+    scene: Scene3d, problem: Problem3d, run: Run3d, times: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Volume that has crossed each line to its right by some times: name -> (k,) [m3].
+
+    Args:
+        scene: with the lines.
+        problem: of the run.
+        run: its frames; after the last the soil stays where it is.
+        times: after the start of the slide, (k,) [s].
+    """
+    found = {}
+    for name, line in scene.document.lines.items():
+        right = np.array(
+            [volume_beyond(place.astype(float), problem.volume, *line) for place in run.positions]
+        )
+        found[name] = np.interp(times, run.time, right - right[0])
     return found
 
 

@@ -60,8 +60,8 @@ def summary(data: BackAnalysisData) -> str:
         f"{result.runs_to_answer} simulations ({result.runs} in all, "
         f"{result.timings.get('in all', 0):.0f} s)"
     )
-    if doubt := words.doubted(data):
-        heading = f"{plain(doubt)}\n{heading}"
+    for line in (words.first_line(data), words.doubted(data)):
+        heading = f"{plain(line)}\n{heading}" if line else heading
     strengths = data.answers
     lines = [m for m in result.measurements if m.role != "constructed"]
     counts = Counter(m.group for m in lines)
@@ -89,6 +89,7 @@ def summary(data: BackAnalysisData) -> str:
                 plain,
                 [
                     *words.undetermined_sentences(data),
+                    *tables.left_out_notes(data),
                     *words.hand_check_sentences(data),
                     *words.spacing_sentences(data),
                     *result.remarks,
@@ -204,7 +205,7 @@ def _methods(data: BackAnalysisData) -> Section:
         [
             *parts,
             *tabulated(tables.engine_table(data)),
-            *said(tables.classical_notes(data)),
+            *said([*tables.classical_notes(data), *tables.left_out_notes(data)]),
             *tabulated(*tables.relation_tables(data)),
             *folded("The same in numbers", *tables.method_tables(data)),
         ],

@@ -16,12 +16,15 @@ from matplotlib.axes import Axes
 from geometry.scenes.scene import Scene
 from inversion.engines.registry import REFERENCE, engine_named
 from inversion.prediction.prediction_document import QUANTILES
+from report.charts.hydrograph import HYDROGRAPH, save_hydrographs
 from report.numbers import fixed
 from report.page import Section, said, shown, tabulated, write_page
 from report.pictures.scene import draw_section
+from report.sentences.prediction import first_order_words, line_words
 from report.sentences.small_cells import cells_of
 from report.style import LINE, labels, new_figure, panel, save_figure, tidy
 from report.table import Table
+from report.tables import dam_breach
 
 PAGE, PICTURE = "prediction.html", "prediction.png"
 #: Least share of slides at the edge of the domain that is reported.
@@ -40,6 +43,7 @@ def summary(document: dict[str, Any]) -> str:
         "",
         exceedance_table(toes).text() if toes else "no toe moves",
         *remarks(document),
+        *dam_breach_words(document),
         f"{len(document['runs'])} simulations, {document['samples']} samples",
     ]
     return "\n".join(lines)
@@ -76,7 +80,8 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
     ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
     lead = f"Assumed: {strength_words(document)}{_by(document)}."
-    write_page(folder / PAGE, title, [Section("How far it would run", parts)], lead=lead)
+    sections = [Section("How far it would run", parts), *dam_breach_sections(document, folder)]
+    write_page(folder / PAGE, title, sections, lead=lead)
     return folder / PAGE
 
 
@@ -100,6 +105,7 @@ def quantity_table(document: dict[str, Any]) -> Table:
                 f"{entry['name']} ({entry['unit']})",
                 fixed(entry["mean"]),
                 fixed(entry["std"]),
+                plus_minus_fixed(entry["first_order"]),
                 *map(fixed, entry["quantiles"].values()),
                 None if entry["measured"] is None else _measured(entry),
                 None if probability is None else f"{100 * probability:.1f} %",
@@ -109,11 +115,39 @@ def quantity_table(document: dict[str, Any]) -> Table:
         "quantity",
         "mean",
         "std",
+        "first order",
         *(f"{percent} %" for percent in QUANTILES),
         "measured",
         "P(beyond it)",
     ]
     return Table(header, rows)
+
+
+def plus_minus_fixed(moments: dict[str, float]) -> str:
+    """Mean and standard deviation in a cell."""
+    return f"{fixed(moments['mean'])} ± {fixed(moments['std'])}"
+
+
+def dam_breach_words(document: dict[str, Any]) -> list[str]:
+    """The lines of a terminal on what a dam breach study asks for."""
+    lacking = ", ".join(map(str, dam_breach.unanswered(document)))
+    items = f"{dam_breach.TITLE}: items in {PAGE}; not given: {lacking}"
+    return [*line_words(document), items]
+
+
+def dam_breach_sections(document: dict[str, Any], folder: Path) -> list[Section]:
+    """What passes the lines over time, and the items of a dam breach study."""
+    chart = save_hydrographs(document["hydrographs"], folder / HYDROGRAPH)
+    drawn = shown(
+        chart,
+        "Discharge and volume through the line over time, median and 5 to 95 %",
+        "At each time the volumes of all slides are sorted; the discharge is that of the sorted "
+        "volumes, so that its integral is the volume that has passed.",
+    )
+    told = said([f"{line[0].upper()}{line[1:]}." for line in line_words(document)])
+    released = [Section("What is released", [*drawn, *told])] if drawn else []
+    items = [*said([dam_breach.LEAD]), *tabulated(dam_breach.dam_breach_table(document))]
+    return [*released, Section(dam_breach.TITLE, items)]
 
 
 def remarks(document: dict[str, Any]) -> list[str]:
@@ -141,6 +175,7 @@ def remarks(document: dict[str, Any]) -> list[str]:
             "increase their duration_s, or use --set simulation.duration_s"
         )
     lines += document.get("remarks", [])
+    lines += first_order_words(document)
     return lines + [line.rstrip(".") for line in cells_of(document)]
 
 

@@ -15,6 +15,8 @@ from report import page, style
 from report.pictures.exceedance_map import save_exceedance
 from report.prediction import (
     PAGE,
+    dam_breach_sections,
+    dam_breach_words,
     draw_curves,
     exceedance_table,
     quantity_table,
@@ -38,6 +40,7 @@ def summary(document: dict[str, Any]) -> str:
         "",
         exceedance_table(toes_of(document)).text(),
         *doubts(document),
+        *dam_breach_words(document),
         f"{len(document['runs'])} simulations, {document['samples']} samples",
     ]
     return "\n".join(lines)
@@ -85,6 +88,7 @@ def write_report(found: BodyPrediction, folder: Path) -> Path:
                 ),
             ],
         ),
+        *dam_breach_sections(document, folder),
     ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
     lead = f"Assumed S_r: {strength_words(document)}."

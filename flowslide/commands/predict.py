@@ -82,6 +82,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M,...",
         help="in 3-D: thicknesses [m] whose probability is mapped; default: that of a deposit",
     )
+    parser.add_argument(
+        "--through",
+        type=float,
+        metavar="X",
+        help="in 2-D: x [m] of the line through which the released volume is told over time; "
+        "default: the foot of the side to which it slides. In 3-D: the lines of the scene3d.yaml",
+    )
     options.add_engine(parser, default=None)
     options.add_spacing(parser)
     options.add_out(
@@ -111,6 +118,8 @@ def run(arguments: argparse.Namespace) -> None:
         if getattr(arguments, name) is not None
     }
     if arguments.from_blow_counts:
+        if arguments.through is not None:
+            raise InputError(f"--through: not with {FROM_COUNTS}")
         for name in chosen:
             raise InputError(f"--{name}: is of strengths that are given; {FROM_COUNTS} has none")
     if arguments.posterior is not None and "distribution" in chosen:
@@ -144,6 +153,7 @@ def run(arguments: argparse.Namespace) -> None:
                 posterior=arguments.posterior,
                 engine=arguments.engine,
                 thicker_than_m=arguments.thicker_than,
+                through_m=arguments.through,
                 **chosen,
                 **shared,
             )

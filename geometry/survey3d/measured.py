@@ -8,8 +8,8 @@ measurements knows no more of an entry than `geometry.survey.quantity` says.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -35,6 +35,7 @@ class DepositMap:
         after: the same after it.
         least: thickness from which soil counts as a deposit [m].
         readings: name with unit -> number, as in `readings.csv`.
+        across: line -> volume that has crossed it over time, at even steps [m3]; empty: not known.
     """
 
     surface: Raster | None
@@ -43,11 +44,14 @@ class DepositMap:
     after: Raster
     least: float
     readings: Mapping[str, float]
+    across: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     @property
     def at_start(self) -> DepositMap:
         """The same before anything moved."""
-        return replace(self, after=self.before, readings=dict.fromkeys(self.readings, 0.0))
+        still = {name: [0.0] * len(volumes) for name, volumes in self.across.items()}
+        nothing = dict.fromkeys(self.readings, 0.0)
+        return replace(self, after=self.before, readings=nothing, across=still)
 
     def surface_at(self, places: np.ndarray) -> np.ndarray:
         """Elevation of the surface after the slide at places (m, 2), (m,) [m].

@@ -60,17 +60,18 @@ class BodyStore(Store):
         scene, problem = setup.problem_at(values)
         key = run_key_3d(scene, problem, setup.settings)
         found = self._kept.get(key)
-        if found is None:
-            found = self._kept.put(key, self._simulated(scene, problem, setup.settings, key))
+        if found is None or not setup.is_whole(found):
+            found = self._kept.put(key, self._simulated(setup, scene, problem, key))
             self.computed += 1
         return found
 
     def _simulated(
-        self, scene: Scene3d, problem: Problem3d, settings: SimulationSettings, key: str
+        self, setup: BodySetup, scene: Scene3d, problem: Problem3d, key: str
     ) -> KeptMaps:
-        from mpm_taichi.readings3d import maps_of, readings_3d, walls_reached
+        from mpm_taichi.readings3d import maps_of, readings_3d, volumes_across, walls_reached
         from mpm_taichi.simulate3d import simulate_3d
 
+        settings = setup.settings
         seconds, checkpoint = int(settings.duration_s), None
 
         def on_frame(time: float, _: float) -> None:
@@ -94,6 +95,12 @@ class BodyStore(Store):
             run.reason,
             run.wall_time_s,
             _stress_by_zone(scene, run),
+            {}
+            if run.reason
+            else {
+                name: volumes.tolist()
+                for name, volumes in volumes_across(scene, problem, run, setup.times).items()
+            },
         )
 
 
@@ -170,6 +177,7 @@ def _arrays_of_maps(kept: KeptMaps) -> dict[str, np.ndarray]:
         "reason": kept.reason,
         "wall_time_s": kept.wall_time_s,
         "stress_kpa": kept.stress_kpa,
+        "across": kept.across,
     }
     return {"thickness": kept.thickness, "told": np.array(json.dumps(told))}
 

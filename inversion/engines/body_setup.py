@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from mpm_taichi.solver3d.problem import Problem3d
 
 
+#: Between the times at which the volume across a line is kept [s].
+STEP_S = 1.0
+
+
 @dataclass(frozen=True)
 class KeptMaps:
     """What is kept of a run.
@@ -37,6 +41,8 @@ class KeptMaps:
         wall_time_s: computing time [s].
         stress_kpa: zone -> number of its points, mean vertical effective stress before failure, and
             its standard deviation within the zone [kPa].
+        across: line -> volume that has crossed it, every `STEP_S` from the start of the slide to
+            the longest motion that was asked for [m3]; empty: nobody asked for it.
     """
 
     thickness: np.ndarray
@@ -46,6 +52,7 @@ class KeptMaps:
     reason: str
     wall_time_s: float
     stress_kpa: dict[str, list[float]] = field(default_factory=dict)
+    across: dict[str, list[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -57,12 +64,14 @@ class BodySetup(Setup):
         targets: their entries are of `geometry.survey3d`.
         jitter: points move by up to this times the spacing / 2, each way.
         jitter_seed: of the jitter.
+        over_time: the volume across each line is kept over time.
     """
 
     scene: Scene3d
     targets: Targets[MapMeasured]
     jitter: float = 0.0
     jitter_seed: int = 0
+    over_time: bool = False
 
     #: A map is many numbers, each with its own noise.
     widest_log = 0.4
@@ -100,6 +109,16 @@ class BodySetup(Setup):
         return replace(self, jitter=jitter, jitter_seed=seed)
 
     # --- what is simulated ---
+
+    @property
+    def times(self) -> np.ndarray:
+        """When the volume across a line is kept, (k,) [s]."""
+        return STEP_S * np.arange(int(np.ceil(self.settings.duration_s / STEP_S)) + 1)
+
+    def is_whole(self, kept: KeptMaps) -> bool:
+        """What is kept of a run has all that this setup reads."""
+        lines = self.scene.document.lines if self.over_time else {}
+        return bool(kept.reason) or all(name in kept.across for name in lines)
 
     @cached_property
     def problem(self) -> Problem3d:
@@ -173,6 +192,7 @@ class BodySetup(Setup):
             after=replace(maps.before, values=np.asarray(kept.thickness, float)),
             least=maps.least,
             readings=kept.readings,
+            across=kept.across,
         )
 
     def _read(self, deposit: DepositMap) -> np.ndarray:

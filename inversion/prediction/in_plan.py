@@ -8,7 +8,7 @@ sampled strengths at which it exceeds a thickness is the exceedance map.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -23,6 +23,7 @@ from inversion.engines.run_store import Store
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import Forward
+from inversion.prediction.hydrograph import discharge, hydrograph
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.prediction.predict import ENVELOPE_SAMPLES, Distribution, predict
 from inversion.prediction.prediction_document import distribution_of, head_of
@@ -30,6 +31,7 @@ from inversion.prediction.response import Sections
 from mpm_taichi.readings3d import named
 from pipeline.config import SimulationSettings
 
+VOLUME_UNIT, DISCHARGE_UNIT = "m3", "m3/s"
 #: Pixels that are put through the samples at a time.
 BLOCK = 4096
 #: Areas with at least this probability are reported, %.
@@ -63,6 +65,39 @@ class PlanReading(MapMeasured):
         return np.array([0.0 if self.name.startswith("runout_") and np.isnan(value) else value])
 
 
+class LineVolume(PlanReading):
+    """Volume that has crossed a line over time, at the times of `BodySetup.times`, (k,) [m3]."""
+
+    unit: ClassVar[str] = VOLUME_UNIT
+
+    line: str
+    steps: int
+
+    @property
+    def values(self) -> np.ndarray:
+        """Nothing was measured, (k,)."""
+        return np.zeros(self.steps)
+
+    def read(self, deposit: DepositMap) -> np.ndarray:
+        """The volumes; NaN where they were not kept."""
+        return np.array(deposit.across.get(self.line, [np.nan] * self.steps), dtype=float)
+
+
+class LinePeak(LineVolume):
+    """Largest discharge across a line, a mean over two steps, (1,) [m3/s]."""
+
+    unit: ClassVar[str] = DISCHARGE_UNIT
+
+    @property
+    def values(self) -> np.ndarray:
+        """Nothing was measured, (1,)."""
+        return np.zeros(1)
+
+    def read(self, deposit: DepositMap) -> np.ndarray:
+        """The discharge."""
+        return np.array([discharge(super().read(deposit)).max()])
+
+
 def prediction_setup(
     scene: Scene3d, settings: SimulationSettings, strengths: Sequence[KnownStrength]
 ) -> BodySetup:
@@ -86,7 +121,26 @@ def prediction_setup(
     entries: list[MapMeasured] = [PlanReading(name=name) for name in names]
     count = len(names)
     targets = Targets(entries, names, np.zeros(count), np.eye(count), ["fitted"] * count)
-    return BodySetup(scene, settings, strength_parameters(strengths), targets)
+    parameters = strength_parameters(strengths)
+    return BodySetup(scene, settings, parameters, targets, over_time=bool(document.lines))
+
+
+def lines_alone(setup: BodySetup) -> BodySetup:
+    """A setup whose runs are the same and of which what crosses the lines is predicted.
+
+    First the largest discharge of each line, then the volumes of each over time.
+    """
+    steps = len(setup.times)
+    lines = list(setup.scene.document.lines)
+    peaks = [
+        LinePeak(name=f"peak_across_{line}_m3_per_s", line=line, steps=steps) for line in lines
+    ]
+    volumes = [LineVolume(name=f"across {line}", line=line, steps=steps) for line in lines]
+    entries: list[MapMeasured] = [*peaks, *volumes]
+    names = [entry.name for entry in entries for _ in entry.values]
+    count = len(names)
+    targets = Targets(entries, names, np.zeros(count), np.eye(count), ["fitted"] * count)
+    return replace(setup, targets=targets)
 
 
 @dataclass(frozen=True)
@@ -99,6 +153,8 @@ class BodyPrediction:
         found: distribution of the readings.
         exceedance: thickness [m] -> probability that the deposit is thicker, at each pixel.
         wall_share: probability that soil reaches a wall of the domain, by wall.
+        peaks: distribution of the largest discharge across each line; None: there is no line.
+        hydrographs: of each line, as `inversion.prediction.hydrograph.hydrograph` makes them.
     """
 
     setup: BodySetup
@@ -106,6 +162,8 @@ class BodyPrediction:
     found: Distribution
     exceedance: Mapping[float, Raster]
     wall_share: Mapping[str, float]
+    peaks: Distribution | None = None
+    hydrographs: Sequence[dict[str, Any]] = ()
 
     @property
     def document(self) -> dict[str, Any]:
@@ -117,15 +175,18 @@ class BodyPrediction:
             **head_of(self.setup.scene.name, self.setup.scene.spacing, self.strengths, found),
             "quantities": [
                 {
-                    **distribution_of(found, number, words, _kind(name), unit),
+                    **distribution_of(one, number, words, _kind(name), unit),
                     "measured": None,
                     "censored": False,
                     "probability_beyond_measured": None,
                     "probability_at_the_edge": max(self.wall_share.values(), default=0.0),
                 }
-                for number, name in enumerate(found.names)
+                for one in (found, self.peaks)
+                if one is not None
+                for number, name in enumerate(one.names)
                 for words, unit in [named(name)]
             ],
+            "hydrographs": list(self.hydrographs),
             "inundation": [
                 {
                     "thicker_than_m": thickness,
@@ -179,7 +240,37 @@ def predict_in_plan(
             thicker_than_m, exceedance(found, kept, thicker_than_m), strict=True
         )
     }
-    return BodyPrediction(setup, strengths, found, maps, _wall_share(found, kept))
+    peaks: Distribution | None = None
+    drawn: list[dict[str, Any]] = []
+    if setup.scene.document.lines:
+        over_time = predict(
+            engine,
+            lines_alone(setup),
+            strengths,
+            cells=cells,
+            jittered=[lines_alone(one) for one in jittered],
+            samples=samples,
+        )
+        peaks, drawn = _of_lines(setup, found, over_time)
+    return BodyPrediction(setup, strengths, found, maps, _wall_share(found, kept), peaks, drawn)
+
+
+def _of_lines(
+    setup: BodySetup, found: Distribution, over_time: Distribution
+) -> tuple[Distribution, list[dict[str, Any]]]:
+    """Largest discharges and hydrographs of the lines, which end with the volumes of `found`."""
+    lines, steps = list(setup.scene.document.lines), len(setup.times)
+    smooth = over_time.response(over_time.sample_scores)[:, len(lines) :]
+    drawn = [
+        hydrograph(
+            line,
+            smooth[:, place * steps : (place + 1) * steps],
+            np.maximum(found.samples[:, found.names.index(f"volume_across_{line}_m3")], 0.0),
+            units=(VOLUME_UNIT, DISCHARGE_UNIT),
+        )
+        for place, line in enumerate(lines)
+    ]
+    return over_time.of(range(len(lines))), drawn
 
 
 def exceedance(

@@ -9,13 +9,14 @@ engine is named here: whatever predicts measurements can be asked.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geometry.survey.surface_profile import surface_profile
 from inversion.engines.small_cells import InSmallCells, SmallCells
 from inversion.estimation.forward import Forward, Prediction, Setup
+from inversion.prediction.first_order import FirstOrder, first_order, mean_scores
 from inversion.prediction.known_strength import KnownStrength, sampled_scores, widened
 from inversion.prediction.response import Response, Sections, design, response
 from pipeline.cli import WorkFailed
@@ -48,6 +49,7 @@ class Distribution:
         response: the smooth response.
         sample_scores: (s, p).
         samples: the numbers (s, m).
+        first_order: their mean and standard deviation by the derivative at the mean.
     """
 
     names: list[str]
@@ -63,6 +65,21 @@ class Distribution:
     response: Response
     sample_scores: np.ndarray
     samples: np.ndarray
+    first_order: FirstOrder
+
+    def of(self, places: Sequence[int]) -> Distribution:
+        """Some of the numbers, by their places; the response remains that of all."""
+        some, own = list(places), self.engine_std
+        return replace(
+            self,
+            names=[self.names[place] for place in some],
+            runs=self.runs[:, some],
+            noise=self.noise[some],
+            missed=self.missed[some],
+            engine_std=own[:, some] if own.ndim > 1 else own,
+            samples=self.samples[:, some],
+            first_order=FirstOrder(self.first_order.mean[some], self.first_order.std[some]),
+        )
 
     def quantiles(self, percent: Sequence[float] = QUANTILES) -> np.ndarray:
         """Quantiles of the numbers, (q, m)."""
@@ -119,9 +136,11 @@ def predict(
     generator = np.random.default_rng(seed)
     drawn = sampled_scores(strengths, samples, generator)
     # The runs scatter about the response by the noise too: the larger of both, not their sum.
-    std = np.maximum(noise, smooth.missed)
+    std = at_mean = np.maximum(noise, smooth.missed)
     if own.any():
-        std = np.hypot(std, np.maximum(Sections(scores, own)(drawn), 0.0))
+        own_at = Sections(scores, own)
+        std = np.hypot(std, np.maximum(own_at(drawn), 0.0))
+        at_mean = np.hypot(at_mean, np.maximum(own_at(mean_scores(strengths)[None])[0], 0.0))
     scatter = std * generator.standard_normal((samples, len(noise)))
     return Distribution(
         names=names,
@@ -137,6 +156,7 @@ def predict(
         response=smooth,
         sample_scores=drawn,
         samples=smooth(drawn) + scatter,
+        first_order=first_order(strengths, smooth, at_mean),
     )
 
 

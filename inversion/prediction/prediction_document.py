@@ -11,6 +11,7 @@ from inversion import PHYSICS_VERSION
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Envelope
 from inversion.prediction.prediction_case import PredictionCase
+from inversion.prediction.volumes import Released
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 
 #: Points of an exceedance curve, and probabilities shown in the table, %.
@@ -23,15 +24,18 @@ def document_of(
     strengths: Sequence[KnownStrength],
     found: Distribution,
     sections: Envelope | None,
+    released: Released | None = None,
 ) -> dict[str, Any]:
-    """The document (keys: docs/method/prediction.md); lengths in m."""
+    """The document (keys: docs/method/prediction.md); lengths in m, volumes in m3 per m."""
     return {
         **head_of(case.name, case.scene.spacing, strengths, found),
         "quantities": [
             _quantity(case, found, number)
             for number in range(len(found.names))
             if _worth_telling(case, found, number)
-        ],
+        ]
+        + ([] if released is None else _volumes(released)),
+        "hydrographs": [] if released is None else [released.hydrograph],
         "sections": None
         if sections is None
         else {
@@ -42,6 +46,22 @@ def document_of(
             },
         },
     }
+
+
+def _volumes(released: Released) -> list[dict[str, Any]]:
+    """Mobilised volume, peak discharge and released volume."""
+    return [
+        {
+            **distribution_of(released.found, number, name, name.replace(" ", "_"), unit),
+            "measured": None,
+            "censored": False,
+            "probability_beyond_measured": None,
+            "probability_at_the_edge": None,
+        }
+        for number, (name, unit) in enumerate(
+            zip(released.found.names, released.units, strict=True)
+        )
+    ]
 
 
 def head_of(
@@ -119,6 +139,10 @@ def distribution_of(
         "unit": unit,
         "mean": _round(samples.mean()),
         "std": _round(samples.std()),
+        "first_order": {
+            "mean": _round(found.first_order.mean[number]),
+            "std": _round(found.first_order.std[number]),
+        },
         "quantiles": {
             str(percent): _round(q)
             for percent, q in zip(QUANTILES, found.quantiles()[:, number], strict=True)

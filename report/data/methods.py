@@ -6,12 +6,16 @@ In: a `BackAnalysisData`. Out: `Slide`s, which a chart and a table show.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from inversion.engines.registry import engine_named
 from report.data.back_analysis import BackAnalysisData
+
+#: A classical method whose judgement calls leave a strength open by more than this factor does not
+#: say what it is.
+MOST_APART = 10.0
 
 
 @dataclass(frozen=True)
@@ -110,10 +114,22 @@ def _engines(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
             yield Strength(label, value, low, high, "engine", hollow=std is None)
 
 
+def undecided(method: Mapping[str, Any]) -> str:
+    """Why a classical method says nothing about the strength of a slide; empty: it does."""
+    if method["value_kpa"] is None:
+        return method.get("reason") or "no answer"
+    low, high = method["low_kpa"], method["high_kpa"]
+    if low is None or high is None or high <= MOST_APART * low:
+        return ""
+    return f"{low:.1f} to {high:.1f} kPa by its judgement calls"
+
+
 def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[Strength]:
     for analysis in analyses:
         several = f", {analysis['name']}" if len(analyses) > 1 else ""
         for method in analysis["methods"]:
+            if undecided(method):
+                continue
             low, high = method["low_kpa"], method["high_kpa"]
             label = f"{method['title']}{several}"
             yield Strength(label, method["value_kpa"], low, high, "classical")

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.track_record import worth_of
+from diagnosis.verdict.verdict import Verdict
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, Result
 from inversion.engines.registry import engine_named
 from inversion.problem.changes import WATER_WORDS
@@ -27,6 +29,7 @@ from report.numbers import (
     with_unit,
 )
 from report.sentences.small_cells import cells_words
+from report.two_strengths import diagnosis_in
 
 FAR, FAR_SHARE = 2.0, 0.1
 """Standard deviations beyond which a difference is a misfit; share of a series that may exceed."""
@@ -63,6 +66,39 @@ def answer_sentence(data: BackAnalysisData) -> str:
     how = f"by {engine} at {result.spacing_m:g} m spacing{taken}{_water(data)}"
     end = "" if result.answer.reached else " NOT FITTED: the search ended with a large loss."
     return f"{'; '.join(parts)}; {how}.{end}"
+
+
+def first_line(data: BackAnalysisData) -> str:
+    """The strengths with the range that the verdict of their diagnosis is worth, and their ratios.
+
+    Without a verdict the range is the 95 % interval. Empty: no strength was fitted to what ran.
+    """
+    strengths = [p for p in data.answers if p.ratio is not None and p.lower_bound_95 is None]
+    if not strengths:
+        return ""
+    found = diagnosis_in(data.folder.resolve().parent)
+    verdict = found if isinstance(found, Verdict) and found.case == data.result.case else None
+    worth = None if verdict is None else worth_of(verdict.verdict)
+    parts = []
+    for p in strengths:
+        low, high = p.interval_95 if worth is None else worth.span(p.value)
+        ratio = f"; S_r/σ'_v0 {p.ratio:.3f}" if p.strength_kpa is None else ""
+        parts.append(f"{p.label}: {with_range(p.value, low, high, p.unit)}{ratio}")
+    if worth is None or verdict is None:
+        how = "range: 95 % of what was varied; not diagnosed"
+    else:
+        how = (
+            f"range: nine of ten slides with the verdict {verdict.verdict.replace('_', ' ')!r} "
+            f"(off by up to {100 * worth.most_off:.0f} %)"
+        )
+    return f"{'; '.join(parts)}. {how[0].upper()}{how[1:]}."
+
+
+def with_range(value: float, low: float, high: float, unit: str) -> str:
+    """A number and its range: 22.7 (15.4 to 33.5) kPa."""
+    places = 3 if not unit else 1
+    ends = f"{fixed(low, places)} to {fixed(high, places)}"
+    return with_unit(f"{fixed(value, places)} ({ends})", unit)
 
 
 def doubted(data: BackAnalysisData) -> str:

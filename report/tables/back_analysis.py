@@ -13,7 +13,7 @@ from inversion.back_analysis.result_builder import NOISE_SOURCE
 from inversion.engines.small_cells import NAME as CELLS
 from pipeline.ties import largest_place
 from report.data.back_analysis import BackAnalysisData, Series
-from report.data.methods import slides
+from report.data.methods import slides, undecided
 from report.numbers import (
     fixed,
     limited,
@@ -218,6 +218,20 @@ def classical_notes(data: BackAnalysisData) -> list[str]:
         f"Classical methods, {analysis['name']} slide: {'; '.join(analysis.get('labels', []))}."
         for analysis in data.result.classical
     ]
+
+
+def left_out_notes(data: BackAnalysisData) -> list[str]:
+    """Classical methods that are in no table, and why, by slide."""
+    notes = []
+    for analysis in data.result.classical:
+        methods = [(method["title"], undecided(method)) for method in analysis["methods"]]
+        left_out = [f"{title} ({why})" for title, why in methods if why]
+        if left_out:
+            notes.append(
+                f"Left out, {analysis['name']} slide, because they do not say what the strength "
+                f"is: {'; '.join(left_out)}; result.json has their numbers."
+            )
+    return notes
 
 
 def measured_table(data: BackAnalysisData, lines: Sequence[MeasurementAnswer]) -> Table:

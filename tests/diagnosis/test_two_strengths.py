@@ -7,12 +7,14 @@ import pytest
 
 from diagnosis.adequacy.calibration import calibrate
 from diagnosis.options import Options
+from diagnosis.track_record import worth_of
 from diagnosis.verdict.fitted_models import fitted_to_part
 from diagnosis.verdict.verdict import Verdict, save_document
 from inversion.back_analysis.result import FittedTo, Result, save_result
 from report.back_analysis import write_report
 from report.data.back_analysis import load_back_analysis
 from report.numbers import plus_minus
+from report.sentences.back_analysis import first_line
 from report.table import plain
 from report.two_strengths import two_strengths
 from tests.diagnosis.straight import SIZE, Straight
@@ -114,3 +116,13 @@ def test_the_covariance_is_named_by_its_parts():
     assert found.covariance[:2] == ["the survey's errors", "the place of the material points"]
     plain = calibrate(Straight(readings), Options(numerical_covariance=False))
     assert fitted_to_part(plain, Straight(readings).targets).covariance == ["the survey's errors"]
+
+
+def test_the_first_line_has_the_range_that_the_verdict_has_been_worth(tmp_path):
+    verdict = diagnosed(tmp_path, identified())
+    back_analysis(tmp_path, 40.0, verdict.case)
+    worth = worth_of("identified")
+    low, high = worth.span(40.0)
+    line = first_line(load_back_analysis(tmp_path / "inversion"))
+    assert f"40.0 ({low:.1f} to {high:.1f}) kPa" in line and low < 30.0 < 60.0 < high
+    assert f"with the verdict 'identified' (off by up to {100 * worth.most_off:.0f} %)" in line

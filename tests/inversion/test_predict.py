@@ -17,6 +17,7 @@ from geometry.scenes.scene import load_scene
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.forward import Prediction
 from inversion.new_case.make_case import Given, make_case
+from inversion.prediction.hydrograph import passed
 from inversion.prediction.known_strength import (
     DrawnStrength,
     KnownStrength,
@@ -366,8 +367,17 @@ def test_the_command_predicts_a_dam_that_has_not_failed(root, lsfd, tmp_path):
     done = command(root, *arguments)
     assert done.returncode == 0, done.stderr
     document = json.loads((tmp_path / "out/prediction.json").read_text())
-    (toe,) = document["quantities"]
+    toe, *volumes = document["quantities"]
     assert toe["name"] == "left toe" and toe["measured"] is None
+    assert [one["name"] for one in volumes] == [
+        "mobilised volume", "peak discharge", "released volume",
+    ]  # fmt: skip
+    (line,) = document["hydrographs"]
+    for percent, released in line["volume"].items():
+        assert released[-1] == pytest.approx(volumes[2]["quantiles"][percent], rel=1e-3)
+        assert passed(line["discharge"][percent]) == pytest.approx(released[-1], rel=1e-5)
+    assert 0 < line["volume"]["50"][-1] < volumes[0]["quantiles"]["50"]
+    assert (tmp_path / "out/hydrograph.csv").read_text().startswith("time_s,x_")
     assert 25 < toe["quantiles"]["5"] < toe["quantiles"]["50"] < toe["quantiles"]["95"] < 90
     chances = toe["exceedance"]["probability"]
     assert chances[0] > 0.99 and chances[-1] < 0.01 and np.all(np.diff(chances) <= 0)

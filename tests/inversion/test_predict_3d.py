@@ -15,6 +15,7 @@ from flowslide.command_line import main
 from geometry.scenes3d.scene3d import load_scene_3d
 from geometry.terrain.raster import Raster, read_raster, write_raster
 from inversion.engines.body_engine import BodyEngine, BodyStore
+from inversion.prediction.hydrograph import passed
 from inversion.prediction.in_plan import exceedance, prediction_setup
 from inversion.prediction.known_strength import KnownStrength, parse_strength, placed
 from pipeline.cli import InputError, WorkFailed
@@ -41,7 +42,12 @@ def gully(tmp_path):
                   {"name": "slimes", "material": "soil"}],
         "materials": {"soil": {"friction_deg": 0, "cohesion_kpa": 8, "liquefied": True}},
     }  # fmt: skip
-    document = {"name": "gully", "spacing": 2.0, "terrain": terrain}
+    document = {
+        "name": "gully",
+        "spacing": 2.0,
+        "terrain": terrain,
+        "lines": {"foot": [[17, 0], [17, 9]]},
+    }
     write_text(folder / "scene3d.yaml", yaml_text(document))
     return folder
 
@@ -93,6 +99,15 @@ def test_a_prediction_leaves_maps_curves_and_a_document(gully, tmp_path, capsys)
     assert weak["toe_runout_m"] > strong["toe_runout_m"] + 1.0
     page = (out / "prediction.html").read_text()
     assert page.count("data:image/png") == 2 and "thicker than" in page
+    assert page.count("data:image/svg+xml;base64") == 1
+    told = {one["name"]: one["quantiles"] for one in document["quantities"]}
+    (line,) = document["hydrographs"]
+    table = np.genfromtxt(out / "hydrograph.csv", delimiter=",", names=True)
+    for percent in ("5", "50", "95"):
+        released = line["volume"][percent][-1]
+        assert released == pytest.approx(told["volume across foot"][percent], abs=0.01)
+        assert passed(table[f"foot_{percent}"]) == pytest.approx(released, rel=1e-5)
+    assert told["peak across foot"]["50"] > 0.0 and line["volume"]["50"][-1] > 0.0
     # What was run is kept: the same question again simulates nothing.
     kept = sorted((out / "runs").glob("*.npz"))
     stamps = [path.stat().st_mtime_ns for path in kept]

@@ -17,7 +17,7 @@ from report.back_analysis import PAGE, summary, write_report
 from report.charts.iterations import MOST, shown_looks
 from report.charts.uncertainty import bars
 from report.data.back_analysis import BackAnalysisData, _case, load_back_analysis
-from report.data.methods import reference, slides
+from report.data.methods import reference, slides, undecided
 from report.numbers import signed
 from report.sentences.back_analysis import (
     answer_sentence,
@@ -27,7 +27,7 @@ from report.sentences.back_analysis import (
     undetermined_sentences,
     variant_sentences,
 )
-from report.tables.back_analysis import answer_table, measured_table
+from report.tables.back_analysis import answer_table, left_out_notes, measured_table
 from tests.inversion.report_case import NASTY, document, full, least, measurement, parameter
 from tests.pipeline.test_page import Outline
 
@@ -254,9 +254,28 @@ def test_published_values_of_other_zones_are_left_out():
     rows = {row.label: row for row in panel.rows}
     assert rows["Olson and Stark (2002)"].low == 15.8
     assert rows["Weber (2015), IMM (recalled)"].hollow
-    assert rows["ZIF"].value is None
+    assert "ZIF" not in rows  # it has no answer
     assert not any(row.value == 77.7 for row in panel.rows)
     assert reference("paper") == "the paper" and reference("paper_zone_1") == "the paper, zone 1"
+
+
+def test_a_method_that_does_not_say_what_the_strength_is_is_left_out():
+    method = {"title": "IMM", "value_kpa": 7.4, "low_kpa": 1.2, "high_kpa": 38.1}
+    assert undecided(method) == "1.2 to 38.1 kPa by its judgement calls"
+    assert undecided({**method, "low_kpa": 17.1}) == "" == undecided({**method, "low_kpa": None})
+    none = {**method, "value_kpa": None, "reason": "no solution"}
+    assert undecided(none) == "no solution"
+    (note,) = left_out_notes(BackAnalysisData(Path(), full()))
+    assert "ZIF (no answer)" in note and note in summary(BackAnalysisData(Path(), full()))
+
+
+def test_the_first_line_is_the_strength_with_its_range_and_ratio():
+    data = BackAnalysisData(Path(), full())
+    (strength, *_) = data.answers
+    low, high = strength.interval_95
+    line = summary(data).splitlines()[0]
+    assert f"{strength.value:.1f} ({low:.1f} to {high:.1f}) kPa" in line
+    assert f"S_r/sigma'_v0 {strength.ratio:.3f}" in line and line.endswith("not diagnosed.")
 
 
 def test_the_strongest_assumption_is_on_top():

@@ -7,8 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from geometry.case import load_case
 from inversion.classical import imm, kinetics, zif
+from inversion.classical.analysis import Workbench
+from inversion.classical.judgement import load_judgements
+from inversion.classical.limit_equilibrium import required_strength
 from inversion.classical.morph import Slide
+from inversion.classical.sections_of_case import case_sections
 from inversion.classical.slices import Polyline
 from inversion.classical.slide_forces import SlideForces, sum_forces
 from pipeline.cli import WorkFailed
@@ -206,3 +211,26 @@ def test_zif_says_when_there_is_no_answer(slide, dam):
     assert strong > weak > 0
     without = zif.find_strength(slide.slices(slide.section(0.2)), "force", others=0.0)
     assert without > weak
+
+
+def test_the_firm_soil_decides_imm_on_the_published_section(root):
+    """IMM falls linearly with the share of the firm soils' strengths: Weber's 25.8 at 0.40."""
+    case = case_sections(load_case(root / "case_histories/lower_san_fernando"))
+    (judgement,) = load_judgements(case.folder, case.measurements)
+    bench, shares = Workbench(case, judgement), np.linspace(0.0, 1.0, 11)
+    slices = [bench.slices(judgement, float(share))[0] for share in shares]
+
+    def strength(counted: float) -> float:
+        stages = [sum_forces(one, others=counted) for one in slices]
+        return 1e-3 * imm.find_strength(stages, shares.tolist())[0]
+
+    without, half, whole = (strength(counted) for counted in (0.0, 0.5, 1.0))
+    assert half == pytest.approx(0.5 * (without + whole), rel=1e-6)
+    assert without > 35.0 and whole < 10.0
+    assert strength(0.40) == pytest.approx(25.8, abs=0.1)
+    # Spencer's method has no answer where all of it counts.
+    middle = bench.slices(judgement, 0.45)[0]
+    assert 1e-3 * float(required_strength(middle, "spencer", others=0.4)) == pytest.approx(
+        26.0, abs=0.5
+    )
+    assert np.isnan(required_strength(middle, "spencer"))

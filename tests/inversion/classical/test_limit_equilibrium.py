@@ -86,6 +86,7 @@ def test_fredlund_and_krahn_1977_with_pore_pressure_ratio(fredlund_krahn):
     wet = replace(slices, pore=0.25 * slices.weight / slices.width)
     assert ordinary(wet, side_water=False) == pytest.approx(1.607, rel=4e-3)
     assert bishop(wet, circle) == pytest.approx(1.766, rel=4e-3)
+    assert spencer(wet) == pytest.approx(1.761, rel=3e-3)
     assert spencer(wet) == pytest.approx(1.761, rel=4e-3)
 
 
