@@ -25,6 +25,7 @@ from scipy.special import ndtr, ndtri
 from geometry.scenes.scene import MOST_STRENGTH_RATIO, Scene
 from geometry.scenes3d.scene3d import Terrain
 from inversion.estimation.unknowns import Parameters
+from inversion.joint.document import load_joint
 from inversion.posterior.document import load_posterior
 from inversion.posterior.draws import key, load_draws
 from inversion.prediction.response import FARTHEST
@@ -37,7 +38,7 @@ from inversion.problem.question import (
 )
 from pipeline.cli import InputError
 
-Kind = Literal["lognormal", "normal", "posterior"]
+Kind = Literal["lognormal", "normal", "posterior", "relation of other slides"]
 #: Of strengths that are given as text.
 KINDS: tuple[Kind, ...] = ("lognormal", "normal")
 
@@ -66,7 +67,7 @@ class KnownStrength:
         zones: names of the zones that share it; empty: not said yet.
         mean: of it, in `unit`.
         std: standard deviation, in `unit`.
-        kind: of the distribution; posterior: `DrawnStrength`.
+        kind: of the distribution; the last two: `DrawnStrength`.
         property: residual strength, or ratio to the vertical effective stress before failure.
     """
 
@@ -248,6 +249,26 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
     if not found:
         raise InputError(f"{folder}: a posterior without a residual strength or ratio")
     return found
+
+
+def ratio_of_relation(path: str | Path) -> DrawnStrength:
+    """The ratio of a dam without a slide, as other slides tell it.
+
+    Args:
+        path: folder of `joint.json`, or the file.
+
+    Raises:
+        InputError: no such document.
+    """
+    document = load_joint(path)
+    return DrawnStrength(
+        (),
+        document.ratio.mean,
+        document.ratio.std,
+        "relation of other slides",
+        STRENGTH_RATIO,
+        tuple(document.ratio_quantiles),
+    )
 
 
 def sampled_scores(
