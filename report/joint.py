@@ -58,10 +58,10 @@ def _sections(document: JointDocument, folder: Path) -> list[Section]:
                 *shown(
                     draw_slides(document, folder / "slides.svg"),
                     "Ratio of each slide with its interval, the relation, and what others found.",
-                    "Each slide alone, as wide as its verdict says, and with the others. Bars below: "
-                    "95 % of the relation's median, of a dam without a slide, of the median before, "
-                    "and of a lognormal through the ranges of a secondary source. Triangle: it "
-                    "stood, and its ratio is larger.",
+                    "Each slide alone, as wide as its verdict says, and with the others. Bars "
+                    "below: 95 % of the relation's median, of a dam without a slide, of the median "
+                    "before, and of a lognormal through the ranges of a secondary source. "
+                    "Triangle: it stood, and its ratio is larger.",
                 ),
                 *tabulated(tables.slide_table(document), tables.relation_table(document)),
                 *said([sentences.scatter_sentence(document), *document.remarks]),

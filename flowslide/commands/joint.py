@@ -9,9 +9,9 @@ from flowslide.commands import options
 from pipeline.cli import InputError, add_common
 
 DESCRIPTION = (
-    "One relation of the ratio S_r / sigma'_v0 over several slides, from the results that each has: "
-    "its median, its scatter between slides, whether it rises with the blow count, and what slopes "
-    "that stood make of it. Nothing is simulated."
+    "One relation of the ratio S_r / sigma'_v0 over several slides, from the results that each "
+    "has: its median, its scatter between slides, whether it rises with the blow count, and what "
+    "slopes that stood make of it. Nothing is simulated."
 )
 
 

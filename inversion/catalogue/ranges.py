@@ -33,7 +33,7 @@ class RatioRange:
 
     @property
     def log_middle(self) -> float:
-        """ln of the geometric middle."""
+        """Ln of the geometric middle."""
         return 0.5 * math.log(self.low * self.high)
 
 

@@ -250,7 +250,7 @@ def _stress(one: UnknownAnswer) -> float:
 
 
 def _log_ratio(one: ParameterAnswer) -> tuple[float, float]:
-    """ln of the ratio and its standard deviation."""
+    """Ln of the ratio and its standard deviation."""
     if one.ratio is None or one.ratio_std is None:
         raise ValueError(f"{one.name}: has no ratio")
     return float(np.log(one.ratio)), one.ratio_std / one.ratio
@@ -271,7 +271,7 @@ def _correlation(result: Result, chosen: Sequence[ParameterAnswer]) -> np.ndarra
 
 
 def _log_draws(draws: Draws, one: UnknownAnswer, *, prior: bool) -> np.ndarray:
-    """ln of the ratio, (s,)."""
+    """Ln of the ratio, (s,)."""
     values = (draws.prior if prior else draws.posterior)[:, draws.unknowns.index(key(one.name))]
     if one.property == STRENGTH_RATIO:
         return np.log(values)

@@ -171,7 +171,7 @@ def together(slide: SlideEvidence, others: Sequence[SlideEvidence]) -> Spread:
     drawn = _predicted(Grid().posterior(others), np.random.default_rng(0))
     weights = slide.likelihood(drawn, np.zeros(1))
     chosen = resampled(weights, len(drawn), np.random.default_rng(1))
-    return spread(np.exp(drawn[chosen]))
+    return spread(np.minimum(np.exp(drawn[chosen]), MOST_STRENGTH_RATIO))
 
 
 def left_out(slides: Sequence[SlideEvidence]) -> list[LeftOut]:
@@ -181,6 +181,7 @@ def left_out(slides: Sequence[SlideEvidence]) -> list[LeftOut]:
         others = with_doubt([one for one in slides if one is not slide])
         posterior = Grid().posterior(others)
         drawn = np.exp(_predicted(posterior, np.random.default_rng(0)))
+        drawn = np.minimum(drawn, MOST_STRENGTH_RATIO)
         low, median, high = np.percentile(drawn, (2.5, 50, 97.5))
         if slide.kind == "bound":
             chance = predicted_probability(slide, others)
@@ -241,7 +242,8 @@ def explanations(slides: Sequence[SlideEvidence]) -> list[Explanation]:
     """Ways in which slides and bounds agree; none where nothing stood.
 
     Where the zone that liquefied in a slope that stood is another, it stands anyway. Where it is
-    another in a slide that ran, its ratio is anywhere in the prior's range, uniform in its logarithm.
+    another in a slide that ran, its ratio is anywhere in the prior's range, uniform in its
+    logarithm.
     """
     if not _bounds(slides):
         return []
@@ -281,7 +283,7 @@ def _anywhere(slide: SlideEvidence) -> float:
 
 
 def _predicted(found: GridPosterior, random: np.random.Generator) -> np.ndarray:
-    """ln ratio of new slides, (GRID_DRAWS,)."""
+    """Ln ratio of new slides, (GRID_DRAWS,)."""
     places = resampled(found.mass.ravel(), GRID_DRAWS, random)
     relation = found.grid.relation
     scatter = relation.tau.ravel()[places] * random.standard_normal(GRID_DRAWS)

@@ -63,7 +63,7 @@ def asked_of(slide: SlideEvidence) -> bool:
 
 
 def log_likelihoods(slides: Sequence[SlideEvidence], relation: Relation) -> np.ndarray:
-    """ln of the likelihood of each slide, (n, ...) with the shape of the relation's values."""
+    """Ln of the likelihood of each slide, (n, ...) with the shape of the relation's values."""
     middle = mean_count(slides)
     rows = []
     for slide in slides:
@@ -106,7 +106,7 @@ class Grid:
 
     @cached_property
     def log_prior(self) -> np.ndarray:
-        """ln of the prior's mass of each cell; their sum is 1."""
+        """Ln of the prior's mass of each cell; their sum is 1."""
         mu, tau, *rest = self._edges
         masses = [np.diff(mu) / (mu[-1] - mu[0]), np.diff(erf(tau / TAU_STD / np.sqrt(2.0)))]
         masses += [np.diff(erf(edges / SLOPE_STD / np.sqrt(2.0))) for edges in rest]
@@ -175,8 +175,7 @@ class GridPosterior:
 def predicted_probability(
     slide: SlideEvidence, others: Sequence[SlideEvidence], grid: Grid | None = None
 ) -> float:
-    """Density of one slide's evidence as the relation of the others predicts it; of a bound the
-    probability that the slope stands."""
+    """Density of a slide's evidence by the relation of the others; of a bound that it stands."""
     chosen = grid or Grid()
     found = chosen.posterior(others)
     return found.mean(np.exp(log_likelihoods([slide], chosen.relation)[0]))

@@ -46,8 +46,8 @@ def bound_sentences(document: JointDocument) -> list[str]:
             f"{one.words} ({percent(one.probability)})" for one in document.explanations
         )
         found.append(
-            f"Ways in which slides and bounds agree, each as probable as the others before: {ways}. "
-            f"That {best.words} {verdict}."
+            f"Ways in which slides and bounds agree, each as probable as the others before: "
+            f"{ways}. That {best.words} {verdict}."
         )
     if document.readings:
         with_, without = document.readings

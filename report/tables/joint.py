@@ -78,9 +78,7 @@ def published_table(document: JointDocument) -> Table:
             titles[one.case],
             one.label,
             f"{one.ratio:.3f}",
-            ", ".join(
-                ["beyond its data"] * one.beyond + ["blow count recalled"] * one.recalled
-            ),
+            ", ".join(["beyond its data"] * one.beyond + ["blow count recalled"] * one.recalled),
         ]
         for one in document.published
     ]
