@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.generated_pages import ROOT, renew, table
 from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence
 from inversion.joint.infer import slope
-from inversion.joint.population import SLOPE_STD, TAU_STD, Grid, at_shares
+from inversion.joint.population import SLOPE_STD, TAU_STD, PriorGrid, at_shares
 from inversion.posterior.calibration import band, coverage
 from pipeline.files import read_json, write_json
 
@@ -76,7 +76,7 @@ def ranks_of(number: int) -> list[float]:
     random = np.random.default_rng([SEED, number])
     truth = at_shares(random.random(3))
     values = [float(truth.mu), float(truth.tau), float(truth.slope or 0.0)]
-    found = Grid(slope=True).posterior(catalogue(random, *values, SLIDES))
+    found = PriorGrid(slope=True).posterior(catalogue(random, *values, SLIDES))
     return [round(found.share_below(axis, value), 6) for axis, value in enumerate(values)]
 
 

@@ -15,7 +15,7 @@ from inversion.catalogue.catalogue import load_catalogue, load_strengths
 from inversion.catalogue.correlations import RELATIONS
 from inversion.catalogue.ranges import SOURCE, load_ranges
 from inversion.joint import infer as joint
-from inversion.joint.document import FILE_NAME, Author, JointDocument, Published
+from inversion.joint.document import FILE_NAME, Author, JointDocument, PublishedRatio
 from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, evidence_of
 from inversion.joint.population import RATIOS, SLOPE_STD, TAU_STD
 from pipeline.cli import InputError
@@ -126,13 +126,13 @@ def _blow_count(case: Case, zones: Sequence[str]) -> BlowCountOfSlide | None:
     )
 
 
-def _published(slide: SlideEvidence) -> list[Published]:
+def _published(slide: SlideEvidence) -> list[PublishedRatio]:
     """Published relations at the blow count of a slide and its stress."""
     if slide.blow_count is None or not math.isfinite(slide.sigma_v0_kpa):
         return []
     count, stress = slide.blow_count.value, slide.sigma_v0_kpa
     return [
-        Published(
+        PublishedRatio(
             case=slide.case,
             label=one.label,
             ratio=round(one.strength(count, stress) / stress, 5),

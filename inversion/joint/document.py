@@ -43,7 +43,7 @@ class SlideRow(StrictDocument):
     )
 
 
-class Relation(StrictDocument):
+class JointRelation(StrictDocument):
     """The relation: median ratio and scatter between slides."""
 
     name: str
@@ -53,7 +53,7 @@ class Relation(StrictDocument):
     log_evidence: float
 
 
-class Slope(StrictDocument):
+class CountSlope(StrictDocument):
     """Does the ratio rise with N1,60?"""
 
     slides: int = Field(description="whose strength is known and whose blow count was read")
@@ -62,7 +62,7 @@ class Slope(StrictDocument):
     told: bool = Field(description="strong evidence, and the interval of 95 % excludes 0")
 
 
-class Bound(StrictDocument):
+class StoodSlope(StrictDocument):
     """A slope that stood, against the relation of all others."""
 
     case: str
@@ -76,7 +76,7 @@ class Bound(StrictDocument):
     )
 
 
-class Explanation(StrictDocument):
+class BoundExplanation(StrictDocument):
     """One way in which slides and bounds agree."""
 
     words: str
@@ -84,7 +84,7 @@ class Explanation(StrictDocument):
     probability: float = Field(description="all ways equally probable before")
 
 
-class LeftOut(StrictDocument):
+class LeftOutSlide(StrictDocument):
     """One slide predicted from the others."""
 
     case: str
@@ -96,7 +96,7 @@ class LeftOut(StrictDocument):
     )
 
 
-class Published(StrictDocument):
+class PublishedRatio(StrictDocument):
     """A published relation at the blow count and stress of a slide."""
 
     case: str
@@ -131,19 +131,19 @@ class JointDocument(StrictDocument):
 
     slides: list[SlideRow]
     priors: dict[str, str]
-    before: Relation
-    relation: Relation = Field(description="the answer; each bound holds with probability 1/2")
-    readings: list[Relation] = Field(description="with bounds as stated, and without them")
+    before: JointRelation
+    relation: JointRelation = Field(description="the answer; each bound holds with probability 1/2")
+    readings: list[JointRelation] = Field(description="with bounds as stated, and without them")
     log_evidence_std: float = Field(description="of the nested sampler")
     log_evidence_on_grid: float = Field(description="the same integral on a grid, as a check")
     ratio: Spread = Field(description="of a dam without a slide: the posterior predictive")
     ratio_quantiles: list[float] = Field(description="at (k + 1/2) / n: draws of equal weight")
     scatter_narrowed: float = Field(description="1 - (std after / std before)^2 of the scatter")
-    slope: Slope
-    bounds: list[Bound]
-    explanations: list[Explanation] = Field(description="none without a bound")
-    left_out: list[LeftOut]
-    published: list[Published]
+    slope: CountSlope
+    bounds: list[StoodSlope]
+    explanations: list[BoundExplanation] = Field(description="none without a bound")
+    left_out: list[LeftOutSlide]
+    published: list[PublishedRatio]
     authors: list[Author]
     secondary: SecondaryRanges
     remarks: list[str]

@@ -16,19 +16,19 @@ from scipy.special import ndtr
 from geometry.scenes.scene import MOST_STRENGTH_RATIO
 from inversion.catalogue.ranges import RatioRange, geometric_mean
 from inversion.joint.document import (
-    Bound,
-    Explanation,
-    LeftOut,
-    Relation,
+    BoundExplanation,
+    CountSlope,
+    JointRelation,
+    LeftOutSlide,
     SecondaryRanges,
     SlideRow,
-    Slope,
+    StoodSlope,
 )
 from inversion.joint.evidence import SlideEvidence
 from inversion.joint.population import (
     RATIOS,
-    Grid,
     GridPosterior,
+    PriorGrid,
     asked_of,
     at_shares,
     log_likelihoods,
@@ -52,7 +52,7 @@ GRID_DRAWS = 4000
 
 
 @dataclass(frozen=True)
-class Inferred:
+class InferredRelation:
     """The posterior of the relation, s draws of equal weight.
 
     Attributes:
@@ -72,7 +72,7 @@ class Inferred:
     grid: GridPosterior
 
 
-def infer(slides: Sequence[SlideEvidence], settings: PosteriorSettings) -> Inferred:
+def infer(slides: Sequence[SlideEvidence], settings: PosteriorSettings) -> InferredRelation:
     """Draw the relation.
 
     Args:
@@ -95,13 +95,13 @@ def infer(slides: Sequence[SlideEvidence], settings: PosteriorSettings) -> Infer
     random = np.random.default_rng(settings.seed)
     scores = random.standard_normal((REPLICATES, settings.draws))
     ratios = np.exp(drawn.mu + drawn.tau * scores).ravel()
-    return Inferred(
+    return InferredRelation(
         doubted,
         sampled,
         np.asarray(drawn.mu),
         np.asarray(drawn.tau),
         np.minimum(ratios, MOST_STRENGTH_RATIO),
-        Grid().posterior(doubted),
+        PriorGrid().posterior(doubted),
     )
 
 
@@ -110,9 +110,9 @@ def with_doubt(slides: Sequence[SlideEvidence], doubt: float = ZONE_DOUBT) -> li
     return [replace(one, doubt=doubt) if one.kind == "bound" else one for one in slides]
 
 
-def answer(found: Inferred) -> Relation:
+def answer(found: InferredRelation) -> JointRelation:
     """The relation by the nested sampler."""
-    return Relation(
+    return JointRelation(
         name="bounds hold with probability 1/2" if _bounds(found.slides) else "all slides",
         slides=len(_telling(found.slides)),
         median=spread(np.exp(found.mu)),
@@ -121,10 +121,10 @@ def answer(found: Inferred) -> Relation:
     )
 
 
-def on_grid(name: str, slides: Sequence[SlideEvidence]) -> Relation:
+def on_grid(name: str, slides: Sequence[SlideEvidence]) -> JointRelation:
     """The relation by the grid, of these slides; of none the prior."""
-    found = Grid().posterior(slides)
-    return Relation(
+    found = PriorGrid().posterior(slides)
+    return JointRelation(
         name=name,
         slides=len(_telling(slides)),
         median=_spread_on_grid(found, 0, np.exp),
@@ -133,7 +133,7 @@ def on_grid(name: str, slides: Sequence[SlideEvidence]) -> Relation:
     )
 
 
-def readings(slides: Sequence[SlideEvidence]) -> list[Relation]:
+def readings(slides: Sequence[SlideEvidence]) -> list[JointRelation]:
     """Bounds as stated, and without them; none where nothing stood."""
     if not _bounds(slides):
         return []
@@ -168,18 +168,18 @@ def slide_row(slide: SlideEvidence, others: Sequence[SlideEvidence]) -> SlideRow
 
 def together(slide: SlideEvidence, others: Sequence[SlideEvidence]) -> Spread:
     """The ratio of a slide once the others are known: shrunk towards their relation."""
-    drawn = _predicted(Grid().posterior(others), np.random.default_rng(0))
+    drawn = _predicted(PriorGrid().posterior(others), np.random.default_rng(0))
     weights = slide.likelihood(drawn, np.zeros(1))
     chosen = resampled(weights, len(drawn), np.random.default_rng(1))
     return spread(np.minimum(np.exp(drawn[chosen]), MOST_STRENGTH_RATIO))
 
 
-def left_out(slides: Sequence[SlideEvidence]) -> list[LeftOut]:
+def left_out(slides: Sequence[SlideEvidence]) -> list[LeftOutSlide]:
     """Each slide predicted from the others, bounds with their doubt among these."""
     found = []
     for slide in _telling(slides):
         others = with_doubt([one for one in slides if one is not slide])
-        posterior = Grid().posterior(others)
+        posterior = PriorGrid().posterior(others)
         drawn = np.exp(_predicted(posterior, np.random.default_rng(0)))
         drawn = np.minimum(drawn, MOST_STRENGTH_RATIO)
         low, median, high = np.percentile(drawn, (2.5, 50, 97.5))
@@ -191,7 +191,7 @@ def left_out(slides: Sequence[SlideEvidence]) -> list[LeftOut]:
             below = posterior.mean(ndtr((slide.mean - relation.mu) / width))
             chance = 2.0 * min(below, 1.0 - below)
         found.append(
-            LeftOut(
+            LeftOutSlide(
                 case=slide.case,
                 title=slide.title,
                 predicted_95=(round(float(low), 5), round(float(high), 5)),
@@ -202,14 +202,14 @@ def left_out(slides: Sequence[SlideEvidence]) -> list[LeftOut]:
     return found
 
 
-def slope(slides: Sequence[SlideEvidence]) -> Slope:
+def slope(slides: Sequence[SlideEvidence]) -> CountSlope:
     """Does the ratio rise with the blow count? Bounds have their doubt."""
     doubted = with_doubt(slides)
     asked = sum(map(asked_of, slides))
-    with_slope, without = Grid(slope=True).posterior(doubted), Grid().posterior(doubted)
+    with_slope, without = PriorGrid(slope=True).posterior(doubted), PriorGrid().posterior(doubted)
     factor = math.exp(with_slope.log_evidence - without.log_evidence)
     low, high = with_slope.quantiles(2, (0.025, 0.975))
-    return Slope(
+    return CountSlope(
         slides=asked,
         per_blow=_spread_on_grid(with_slope, 2),
         bayes_factor=round(factor, 4),
@@ -217,7 +217,7 @@ def slope(slides: Sequence[SlideEvidence]) -> Slope:
     )
 
 
-def bounds(slides: Sequence[SlideEvidence], ranges: Sequence[RatioRange]) -> list[Bound]:
+def bounds(slides: Sequence[SlideEvidence], ranges: Sequence[RatioRange]) -> list[StoodSlope]:
     """Each slope that stood against the relation of the others."""
     mean, std = geometric_mean(ranges)
     found = []
@@ -227,7 +227,7 @@ def bounds(slides: Sequence[SlideEvidence], ranges: Sequence[RatioRange]) -> lis
         by_ranges = float(slide.likelihood(np.array(math.log(mean)), np.array(std)))
         doubt = ZONE_DOUBT / (ZONE_DOUBT + (1.0 - ZONE_DOUBT) * stands)
         found.append(
-            Bound(
+            StoodSlope(
                 case=slide.case,
                 title=slide.title,
                 probability=float(f"{stands:.4g}"),
@@ -238,7 +238,7 @@ def bounds(slides: Sequence[SlideEvidence], ranges: Sequence[RatioRange]) -> lis
     return found
 
 
-def explanations(slides: Sequence[SlideEvidence]) -> list[Explanation]:
+def explanations(slides: Sequence[SlideEvidence]) -> list[BoundExplanation]:
     """Ways in which slides and bounds agree; none where nothing stood.
 
     Where the zone that liquefied in a slope that stood is another, it stands anyway. Where it is
@@ -247,16 +247,18 @@ def explanations(slides: Sequence[SlideEvidence]) -> list[Explanation]:
     """
     if not _bounds(slides):
         return []
-    ways = [("one relation gives all of them", Grid().posterior(slides).log_evidence)]
+    ways = [("one relation gives all of them", PriorGrid().posterior(slides).log_evidence)]
     for slide in _telling(slides):
-        rest = Grid().posterior([one for one in slides if one is not slide]).log_evidence
+        rest = PriorGrid().posterior([one for one in slides if one is not slide]).log_evidence
         alone = 0.0 if slide.kind == "bound" else math.log(_anywhere(slide))
         ways.append((f"another zone liquefied in {slide.title}", rest + alone))
     logs = np.array([log for _, log in ways])
     shares = np.exp(logs - logs.max())
     shares /= shares.sum()
     return [
-        Explanation(words=words, log_evidence=round(log, 4), probability=round(float(share), 5))
+        BoundExplanation(
+            words=words, log_evidence=round(log, 4), probability=round(float(share), 5)
+        )
         for (words, log), share in zip(ways, shares, strict=True)
     ]
 

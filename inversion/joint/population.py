@@ -36,7 +36,7 @@ FARTHEST = 4.0
 
 
 @dataclass(frozen=True)
-class Relation:
+class Hyperparameters:
     """Values of the unknowns; arrays of one shape, or numbers.
 
     Attributes:
@@ -52,7 +52,7 @@ class Relation:
 
 def mean_count(slides: Sequence[SlideEvidence]) -> float | None:
     """Mean blow count of the slides that have one that was read; None: none has."""
-    counts = [one.blow_count.value for one in slides if asked_of(one)]
+    counts = [one.blow_count.value for one in slides if one.blow_count and asked_of(one)]
     return float(np.mean(counts)) if counts else None
 
 
@@ -62,7 +62,7 @@ def asked_of(slide: SlideEvidence) -> bool:
     return slide.kind != "undetermined" and count is not None and not count.recalled
 
 
-def log_likelihoods(slides: Sequence[SlideEvidence], relation: Relation) -> np.ndarray:
+def log_likelihoods(slides: Sequence[SlideEvidence], relation: Hyperparameters) -> np.ndarray:
     """Ln of the likelihood of each slide, (n, ...) with the shape of the relation's values."""
     middle = mean_count(slides)
     rows = []
@@ -78,17 +78,17 @@ def log_likelihoods(slides: Sequence[SlideEvidence], relation: Relation) -> np.n
     return np.array(rows).reshape((len(slides), *np.shape(relation.mu)))
 
 
-def at_shares(shares: np.ndarray) -> Relation:
+def at_shares(shares: np.ndarray) -> Hyperparameters:
     """The relation at a point of the unit cube of the prior, (2,) or with a slope (3,)."""
     low, high = np.log(RATIOS)
     slope = SLOPE_STD * ndtri(shares[2]) if len(shares) > 2 else None
-    return Relation(
+    return Hyperparameters(
         mu=low + (high - low) * shares[0], tau=TAU_STD * ndtri(0.5 + 0.5 * shares[1]), slope=slope
     )
 
 
 @dataclass(frozen=True)
-class Grid:
+class PriorGrid:
     """Cells of the prior: equal steps of mu, tau and slope, the prior's mass in each."""
 
     slope: bool = False
@@ -99,10 +99,10 @@ class Grid:
         return [0.5 * (edges[1:] + edges[:-1]) for edges in self._edges]
 
     @cached_property
-    def relation(self) -> Relation:
+    def relation(self) -> Hyperparameters:
         """The unknowns on the grid."""
         found = np.meshgrid(*self.axes, indexing="ij")
-        return Relation(found[0], found[1], found[2] if self.slope else None)
+        return Hyperparameters(found[0], found[1], found[2] if self.slope else None)
 
     @cached_property
     def log_prior(self) -> np.ndarray:
@@ -150,11 +150,11 @@ class GridPosterior:
         log_evidence: ln of the probability density of the slides.
     """
 
-    grid: Grid
+    grid: PriorGrid
     mass: np.ndarray
     log_evidence: float
 
-    def quantiles(self, axis: int, shares: Sequence[float]) -> np.ndarray:
+    def quantiles(self, axis: int, shares: Sequence[float] | np.ndarray) -> np.ndarray:
         """Quantiles of mu (0), tau (1) or the slope (2)."""
         edges = self.grid._edges[axis]
         return np.interp(shares, self._cumulated(axis), edges)
@@ -173,9 +173,9 @@ class GridPosterior:
 
 
 def predicted_probability(
-    slide: SlideEvidence, others: Sequence[SlideEvidence], grid: Grid | None = None
+    slide: SlideEvidence, others: Sequence[SlideEvidence], grid: PriorGrid | None = None
 ) -> float:
     """Density of a slide's evidence by the relation of the others; of a bound that it stands."""
-    chosen = grid or Grid()
+    chosen = grid or PriorGrid()
     found = chosen.posterior(others)
     return found.mean(np.exp(log_likelihoods([slide], chosen.relation)[0]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from inversion.joint.document import Bound, JointDocument, Relation
+from inversion.joint.document import JointDocument, JointRelation, StoodSlope
 from report.numbers import chance, number, percent, plural
 
 #: Chance below which a slide left out counts as missed.
@@ -108,7 +108,7 @@ def check_sentence(document: JointDocument) -> str:
     )
 
 
-def _bound_sentence(document: JointDocument, one: Bound) -> str:
+def _bound_sentence(document: JointDocument, one: StoodSlope) -> str:
     row = next(row for row in document.slides if row.case == one.case)
     return (
         f"{one.title} stood, for which its soil must have had at least {row.ratio_95[0]:.2f} "
@@ -124,11 +124,11 @@ def _small(share: float) -> str:
     return percent(share) if share >= 0.01 else f"{100 * share:.2g} %"
 
 
-def _median(one: Relation) -> str:
+def _median(one: JointRelation) -> str:
     low, high = one.median.interval_95
     return f"{one.median.median:.3f} ({low:.3f} to {high:.3f})"
 
 
-def _scatter(one: Relation) -> str:
+def _scatter(one: JointRelation) -> str:
     low, high = one.scatter.interval_95
     return f"{math.exp(one.scatter.median):.2f} ({math.exp(low):.2f} to {math.exp(high):.2f})"

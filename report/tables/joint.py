@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from inversion.joint.document import JointDocument, Relation, SlideRow
+from inversion.joint.document import JointDocument, JointRelation, SlideRow
 from report.numbers import number, percent
 from report.table import Table
 
@@ -107,7 +107,7 @@ def _ratio(one: SlideRow) -> str:
     return f"{one.ratio:.3f}"
 
 
-def _row(one: Relation) -> list[str]:
+def _row(one: JointRelation) -> list[str]:
     low, high = (math.exp(end) for end in one.scatter.interval_95)
     return [
         one.name,

@@ -14,16 +14,17 @@ import flowslide
 from benchmarks.studies.joint_calibration import SLIDES, catalogue, ranks_of, told
 from diagnosis.track_record import mean_worth, worth_of
 from flowslide.command_line import main
+from inversion.back_analysis.result import Result
 from inversion.catalogue.ranges import geometric_mean, load_ranges
 from inversion.joint import infer as joint
 from inversion.joint.build import document_of
-from inversion.joint.document import JointDocument
-from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, from_draws
+from inversion.joint.document import JointDocument, load_joint
+from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, from_draws, from_result
 from inversion.joint.population import (
     RATIOS,
     TAU_STD,
-    Grid,
-    Relation,
+    Hyperparameters,
+    PriorGrid,
     log_likelihoods,
     predicted_probability,
 )
@@ -32,7 +33,9 @@ from inversion.posterior.draws import Draws
 from inversion.prediction.known_strength import ratio_of_relation
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from pipeline.files import write_json
 from report.joint import summary, write_report
+from tests.inversion import report_case
 
 NAMES = ["lower_san_fernando", "la_marquesa", "upper_san_fernando"]
 FEW = ["posterior.live_points=60", "posterior.draws=400"]
@@ -118,7 +121,7 @@ def test_the_prior_of_a_slide_is_divided_out_of_its_draws():
 
 
 def test_without_slides_the_prior_comes_back():
-    found = Grid().posterior([])
+    found = PriorGrid().posterior([])
     assert found.log_evidence == pytest.approx(0.0, abs=1e-9)
     assert np.exp(found.quantiles(0, [0.5])[0]) == pytest.approx(math.sqrt(np.prod(RATIOS)))
     assert found.quantiles(1, [0.6827])[0] == pytest.approx(TAU_STD, rel=0.01)
@@ -132,7 +135,7 @@ def test_many_good_slides_give_mean_scatter_and_slope():
         slide(f"s{k}", math.exp(y), 0.05, blow_count=BlowCountOfSlide(n, 0.01, False))
         for k, (y, n) in enumerate(zip(logs, counts, strict=True))
     ]
-    found = Grid(slope=True).posterior(slides)
+    found = PriorGrid(slope=True).posterior(slides)
     for axis, truth in enumerate((math.log(0.1), 0.3, 0.08)):
         low, high = found.quantiles(axis, (0.01, 0.99))
         assert low < truth < high and high - low < 0.35
@@ -157,7 +160,7 @@ def test_sampler_and_grid_agree():
 def test_a_bound_by_hand():
     """One relation without scatter that is known: the bound stands with its normal probability."""
     bound = slide("b", 0.4, 0.2, kind="bound")
-    relation = Relation(np.array(math.log(0.13)), np.array(0.1))
+    relation = Hyperparameters(np.array(math.log(0.13)), np.array(0.1))
     expected = norm.cdf(math.log(0.13 / 0.4) / math.hypot(0.2, 0.1))
     assert np.exp(log_likelihoods([bound], relation))[0] == pytest.approx(expected)
 
@@ -242,6 +245,55 @@ def test_a_dam_without_a_slide_has_the_ratio_of_the_others(document, tmp_path):
         [low, document.ratio.median, high], rel=0.03
     )
     assert "(relation of other slides)" in replace(found, zones=("1",)).words
+
+
+def written(place, case: str, *parameters: dict) -> None:
+    """A result.json of a case in a folder of results."""
+    found = report_case.document(list(parameters), case=case, title=case)
+    size = len(parameters)
+    found["answer"]["correlation"]["matrix"] = np.eye(size).tolist()
+    write_json(place / case / "inversion" / "result.json", found)
+
+
+def test_results_become_a_relation(tmp_path, capsys):
+    """Two strengths of one slide are one slide; an open one says nothing; a bound is a bound."""
+    fit = report_case.parameter
+    written(tmp_path, NAMES[0], fit("a", ratio=0.13, ratio_std=0.02))
+    written(
+        tmp_path, NAMES[1],
+        fit("a", ratio=0.1, ratio_std=0.02), fit("b", zones=["2"], ratio=0.2, ratio_std=0.06),
+        fit("c", zones=["6"], ratio=0.9, determined=False), report_case.friction(),
+    )  # fmt: skip
+    stood = {"ratio": 0.45, "ratio_std": 0.06, "ratio_lower_bound_95": 0.36, "lower_bound_95": 20.0}
+    written(tmp_path, NAMES[2], fit("a", **stood))
+    settings = [f"results_folder={tmp_path}", *FEW]
+    main(
+        ["joint", *NAMES, "--out", str(tmp_path / "out"), "--weight", f"{NAMES[1]}=0.25",
+         *(f"--set={one}" for one in settings), "--quiet"]
+    )  # fmt: skip
+    found = load_joint(tmp_path / "out")
+    one, two, three = found.slides
+    assert (one.kind, two.kind, three.kind) == ("slide", "slide", "bound")
+    assert two.ratio == pytest.approx(math.sqrt(0.02), abs=1e-4)
+    # std of the mean of two independent logarithms, 0.2 and 0.3; a quarter of the weight: twice it.
+    own = 0.5 * math.hypot(0.2, 0.3)
+    assert two.formal_log_std == pytest.approx(own, abs=1e-4)
+    range_std = math.log(mean_worth()) / 1.645
+    assert two.log_std == pytest.approx(2.0 * max(own, range_std), abs=1e-3)
+    assert one.factor == pytest.approx(mean_worth(), abs=1e-3) and one.verdict == ""
+    assert two.n1_60_recalled and one.n1_60 is None
+    assert capsys.readouterr().out == summary(found) + "\n"
+    main(["report", str(tmp_path / "out"), "--quiet", "--report", "none"])
+    assert capsys.readouterr().out == summary(found) + "\n"
+
+
+def test_a_prior_of_a_fit_would_count_twice(tmp_path):
+    found = report_case.document([report_case.parameter("a", has_prior=True)])
+    with pytest.raises(InputError, match="a has a prior, which would count twice"):
+        from_result(Result.model_validate(found), "result.json")
+    nothing = report_case.document([report_case.friction()])
+    with pytest.raises(InputError, match="no residual strength with a stress"):
+        from_result(Result.model_validate(nothing), "result.json")
 
 
 def test_what_is_no_catalogue_is_refused(tmp_path):
