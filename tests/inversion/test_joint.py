@@ -19,7 +19,7 @@ from inversion.catalogue.ranges import geometric_mean, load_ranges
 from inversion.joint import infer as joint
 from inversion.joint.build import document_of
 from inversion.joint.document import JointDocument, load_joint
-from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, from_draws, from_result
+from inversion.joint.evidence import BlowCountOfSlide, from_draws, from_result
 from inversion.joint.population import (
     RATIOS,
     TAU_STD,
@@ -36,27 +36,7 @@ from pipeline.config import load_config
 from pipeline.files import write_json
 from report.joint import summary, write_report
 from tests.inversion import report_case
-
-NAMES = ["lower_san_fernando", "la_marquesa", "upper_san_fernando"]
-FEW = ["posterior.live_points=60", "posterior.draws=400"]
-
-
-def slide(case: str, ratio: float, std: float, kind="slide", **more) -> SlideEvidence:
-    return SlideEvidence(
-        case, case.replace("_", " ").title(), kind, np.array([math.log(ratio)]), np.ones(1),
-        std, std, "result.json", ("1",), 100.0, **more,
-    )  # fmt: skip
-
-
-def dams() -> list[SlideEvidence]:
-    """Like the shipped ones: two that ran, and one that stood."""
-    counts = [BlowCountOfSlide(12.0, 2.0, False), BlowCountOfSlide(4.5, 2.0, True)]
-    return [
-        slide(NAMES[0], 0.13, 0.24, blow_count=counts[0], verdict="unknown_effect", factor=1.5),
-        slide(NAMES[1], 0.14, 0.3, blow_count=counts[1]),
-        slide(NAMES[2], 0.45, 0.17, kind="bound"),
-    ]
-
+from tests.inversion.slides import FEW, NAMES, dams, slide
 
 # --- what one slide says ---
 
@@ -146,7 +126,7 @@ def test_many_good_slides_give_mean_scatter_and_slope():
 
 
 def test_sampler_and_grid_agree():
-    settings = load_config(None, ["posterior.live_points=300", "posterior.draws=2000"]).posterior
+    settings = load_config(None, ["posterior.live_points=200", "posterior.draws=2000"]).posterior
     found = joint.infer(dams(), settings)
     error = found.sampled.log_evidence - found.grid.log_evidence
     assert abs(error) < 4 * found.sampled.log_evidence_std
