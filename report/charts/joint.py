@@ -33,7 +33,11 @@ def draw_slides(document: JointDocument, path: Path) -> Path:
         ("relation: median", document.relation.median.interval_95, document.relation.median.median),
         ("a dam without a slide", document.ratio.interval_95, document.ratio.median),
         ("before the slides: median", document.before.median.interval_95, None),
-        ("11 ranges, secondary source", (lower, upper), document.secondary.geometric_mean),
+        (
+            f"{document.secondary.slides} ranges, secondary source",
+            (lower, upper),
+            document.secondary.geometric_mean,
+        ),
     ]
     named = [row.title for row in document.slides] + [name for name, _, _ in others]
     figure, (ax,) = style.chart([ROW * len(named)], left=1.85, below=0.5, foot=0.55)
@@ -89,7 +93,7 @@ def draw_blow_counts(document: JointDocument, path: Path) -> Path:
         Line2D([], [], color=style.GREY, linestyle=style.DASHED, label="ranges, secondary"),
     ]
     ax.set(xlim=(0.0, MOST_COUNT), ylim=ENDS)
-    style.labels(ax, f"N1,60 (relations at {STRESS_KPA:g} kPa)", "S_r/σ'_v0")
+    style.labels(ax, f"N1,60 (relations at {STRESS_KPA:g} kPa)", style.words("S_r/σ'_v0"))
     style.legend(figure, handles, columns=2)
     return style.save_figure(figure, path)
 
@@ -100,7 +104,7 @@ def _ratio_axis(ax: Axes) -> None:
     ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     ax.minorticks_off()
     ax.set_xlim(*ENDS)
-    style.labels(ax, "S_r/σ'_v0")
+    style.labels(ax, style.words("S_r/σ'_v0"))
 
 
 def _slide(ax: Axes, place: int, row: SlideRow) -> None:
@@ -121,7 +125,8 @@ def _mark(ax: Axes, row: SlideRow) -> None:
     mark = "^" if row.kind == "bound" else "o"
     ax.plot([count, count], row.ratio_95, color=style.HELD_OUT, linewidth=1.2, zorder=4)
     ax.plot(count, row.ratio, mark, color=style.HELD_OUT, mfc=face, markersize=6, zorder=5)
-    style.tell(ax, count, row.ratio, row.title, away=(6, 3))
+    side = 1 if count < 0.6 * MOST_COUNT else -1
+    style.tell(ax, count, row.ratio, row.title, away=(6 * side, 3))
 
 
 def _secondary(document: JointDocument) -> tuple[float, float]:

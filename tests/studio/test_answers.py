@@ -213,9 +213,9 @@ def test_the_page_offers_what_other_slides_tell(browser, others):
 
 @pytest.mark.slow
 def test_a_prediction_takes_the_ratio_of_other_slides(browser, workspace, others, tmp_path, capsys):
-    job = ask(browser, "predict", spacing_m=SPACING, joint=True)
+    job = ask(browser, "predict", spacing_m=3.0, joint=True)
     command(capsys, "predict", workspace.source("small"), "--joint", workspace.joint,
-            "--out", tmp_path / "own", "--spacing", SPACING, "--threads", 1)  # fmt: skip
+            "--out", tmp_path / "own", "--spacing", 3.0, "--threads", 1)  # fmt: skip
     own = json.loads((tmp_path / "own" / "prediction.json").read_text())
     assert left(browser, job, "prediction.json") == own
     assert own["strengths"][0]["property"] == "strength_ratio"
