@@ -1,6 +1,6 @@
 """Is a planted relation found again? Catalogues of slides whose relation is known.
 
-    python -m benchmarks.studies.joint_calibration [--catalogues 200]
+    python -m benchmarks.studies.joint_calibration [--catalogues 1000]
 
 Relations (median, scatter, slope) are drawn from the prior of `flowslide joint`, each with a
 catalogue of eight slides: blow counts between 3 and 16, ln ratios known to 0.1 to 0.4. Each dam
@@ -27,7 +27,7 @@ from pipeline.files import read_json, write_json
 
 RECORD = Path(__file__).with_suffix(".json")
 PAGE = ROOT / "docs" / "method" / "joint.md"
-CATALOGUES, SLIDES, SEED = 200, 8, 45
+CATALOGUES, SLIDES, SEED = 1000, 8, 45
 COUNTS, COUNT_STD = (3.0, 16.0), 2.0
 LOG_STDS, LEAST_RATIOS = (0.1, 0.4), (0.15, 0.6)
 NOMINAL = (0.5, 0.8, 0.95)
@@ -113,7 +113,9 @@ def coverage_table(record: dict) -> str:
         found = coverage(ranks[:, place], NOMINAL)
         cells = [f"{100 * one.covered:.0f} %{'' if one.inside else ' (outside)'}" for one in found]
         rows.append([name, *cells])
-    return table(header, rows)
+    every = [one for place in range(3) for one in coverage(ranks[:, place], NOMINAL)]
+    inside = f"{sum(one.inside for one in every)} of {len(every)} shares lie within their band."
+    return f"{table(header, rows)}\n\n{inside}"
 
 
 def told_table(record: dict) -> str:
