@@ -1,16 +1,19 @@
 # One relation of the strength ratio over several slides: their back-analyses and verdicts -> its median and scatter.
 
-if unknown := [case for case in SETTINGS.joint.cases if case not in QUESTIONS]:
-    raise WorkflowError(
-        f"configuration: joint: cases: no question in case_histories/: {', '.join(unknown)}"
-    )
+
+def joint_inputs(wildcards):
+    """Back-analysis and verdict of every slide."""
+    if unknown := [case for case in SETTINGS.joint.cases if case not in QUESTIONS]:
+        raise WorkflowError(
+            f"configuration: joint: cases: {', '.join(unknown)}: no question in case_histories/"
+        )
+    return [file(case) for file in (inverted_case, diagnosed_case) for case in SETTINGS.joint.cases]
 
 
 # A posterior that a case has as well is read in place of its back-analysis; it is made by hand.
 rule joint:
     input:
-        [inverted_case(case) for case in SETTINGS.joint.cases],
-        [diagnosed_case(case) for case in SETTINGS.joint.cases],
+        joint_inputs,
     output:
         result=f"{RESULTS}/joint/joint.json",
         summary=f"{RESULTS}/joint/summary.txt",
