@@ -188,8 +188,7 @@ def from_result(result: Result, source: str) -> SlideEvidence:
     bounds = [one for one in strengths if one.ratio_lower_bound_95 is not None]
     known = bounds or [one for one in strengths if one.determined and one.at_bound is None]
     kind: Kind = "bound" if bounds else "slide" if known else "undetermined"
-    logs = [_log_ratio(one) for one in known or strengths]
-    mean, std = _together(logs, _correlation(result, known or strengths))
+    mean, std = _together(known or strengths, _correlation(result, known or strengths))
     stress = float(np.mean([one.sigma_v0_kpa or np.nan for one in known or strengths]))
     return SlideEvidence(
         result.case,
@@ -249,19 +248,27 @@ def _stress(one: UnknownAnswer) -> float:
     return float("nan") if one.ratio is None else strength.median / one.ratio.median
 
 
-def _log_ratio(one: ParameterAnswer) -> tuple[float, float]:
-    """Ln of the ratio and its standard deviation."""
+def _together(strengths: Sequence[ParameterAnswer], correlation: np.ndarray) -> tuple[float, float]:
+    """Mean of ln ratio over strengths and its standard deviation.
+
+    Args:
+        strengths: p of them.
+        correlation: of the survey's errors, (p, p). All other errors, such as those of the section,
+            are taken to move all strengths together, which is on the safe side.
+    """
+    share = np.full(len(strengths), 1.0 / len(strengths))
+    logs, totals, surveys = np.array([_logs(one) for one in strengths]).T
+    surveys = np.minimum(surveys, totals)
+    others = np.sqrt(totals**2 - surveys**2)
+    variance = share @ (correlation * np.outer(surveys, surveys)) @ share + (share @ others) ** 2
+    return float(share @ logs), float(np.sqrt(variance))
+
+
+def _logs(one: ParameterAnswer) -> tuple[float, float, float]:
+    """Logarithm of the ratio, its standard deviation, the part of the survey's errors in it."""
     if one.ratio is None or one.ratio_std is None:
         raise ValueError(f"{one.name}: has no ratio")
-    return float(np.log(one.ratio)), one.ratio_std / one.ratio
-
-
-def _together(logs: Sequence[tuple[float, float]], correlation: np.ndarray) -> tuple[float, float]:
-    """Mean of logarithms and its standard deviation; `correlation` (p, p)."""
-    values, stds = np.array(logs).T
-    covariance = correlation * np.outer(stds, stds)
-    share = np.full(len(values), 1.0 / len(values))
-    return float(share @ values), float(np.sqrt(max(share @ covariance @ share, 0.0)))
+    return float(np.log(one.ratio)), one.ratio_std / one.ratio, one.std_data / one.value
 
 
 def _correlation(result: Result, chosen: Sequence[ParameterAnswer]) -> np.ndarray:

@@ -57,6 +57,8 @@ _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
 _FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±)\s*({_NUMBER})\s*")
 #: A normal distribution is cut below this share of the mean.
 LEAST_SHARE = 0.1
+#: Errors of a logarithm that each draw is given.
+SCORES = 41
 
 
 @dataclass(frozen=True)
@@ -211,11 +213,24 @@ class DrawnStrength(KnownStrength):
 
 
 def widened(strength: KnownStrength, log_std: float) -> KnownStrength:
-    """A strength whose logarithm may be off by more; draws of a posterior have that in them."""
+    """A strength whose logarithm may be off by more; draws of a posterior have that in them.
+
+    What other slides tell has their errors in it and not that of this dam's runs.
+    """
     if isinstance(strength, DrawnStrength):
-        return strength
+        return strength if strength.kind == "posterior" else _redrawn(strength, log_std)
     more = strength.mean * log_std
     return replace(strength, std=float(np.hypot(strength.std, more)))
+
+
+def _redrawn(strength: DrawnStrength, log_std: float) -> DrawnStrength:
+    """As many draws, whose logarithm scatters by more."""
+    count = len(strength.draws)
+    scores = ndtri((np.arange(SCORES) + 0.5) / SCORES)
+    logs = np.add.outer(np.log(strength.draws), log_std * scores)
+    values = np.quantile(np.exp(logs), (np.arange(count) + 0.5) / count)
+    mean, std = float(values.mean()), float(values.std())
+    return replace(strength, mean=mean, std=std, draws=tuple(map(float, values)))
 
 
 def drawn_strengths(path: str | Path) -> list[DrawnStrength]:

@@ -30,7 +30,7 @@ from inversion.joint.population import (
 )
 from inversion.posterior.document import PosteriorDocument
 from inversion.posterior.draws import Draws
-from inversion.prediction.known_strength import ratio_of_relation
+from inversion.prediction.known_strength import ratio_of_relation, widened
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import write_json
@@ -224,6 +224,9 @@ def test_a_dam_without_a_slide_has_the_ratio_of_the_others(document, tmp_path):
     assert found.at(np.array([-1.96, 0.0, 1.96])) == pytest.approx(
         [low, document.ratio.median, high], rel=0.03
     )
+    # This dam's runs may be off as well.
+    own, wider = (np.log(one.draws).std() for one in (found, widened(found, 0.3)))
+    assert wider == pytest.approx(math.hypot(own, 0.3), rel=0.02)
     assert "(relation of other slides)" in replace(found, zones=("1",)).words
 
 
@@ -255,8 +258,10 @@ def test_results_become_a_relation(tmp_path, capsys):
     one, two, three = found.slides
     assert (one.kind, two.kind, three.kind) == ("slide", "slide", "bound")
     assert two.ratio == pytest.approx(math.sqrt(0.02), abs=1e-4)
-    # std of the mean of two independent logarithms, 0.2 and 0.3; a quarter of the weight: twice it.
-    own = 0.5 * math.hypot(0.2, 0.3)
+    # Of 0.2 and 0.3 the survey has 1.5 / 27.5 each, independently; what else there is is shared.
+    survey = 1.5 / 27.5
+    shared = 0.5 * sum(math.sqrt(total**2 - survey**2) for total in (0.2, 0.3))
+    own = math.hypot(0.5 * math.sqrt(2.0) * survey, shared)
     assert two.formal_log_std == pytest.approx(own, abs=1e-4)
     range_std = math.log(mean_worth()) / 1.645
     assert two.log_std == pytest.approx(2.0 * max(own, range_std), abs=1e-3)
