@@ -216,7 +216,7 @@ def from_draws(document: PosteriorDocument, draws: Draws, source: str) -> SlideE
     after = np.mean([_log_draws(draws, one, prior=False) for one in strengths], axis=0)
     before = np.mean([_log_draws(draws, one, prior=True) for one in strengths], axis=0)
     kernels = np.quantile(after, (np.arange(KERNELS) + 0.5) / KERNELS)
-    density = gaussian_kde(before)(kernels)
+    density = _density(before, kernels)
     weights = 1.0 / np.maximum(density, LEAST_DENSITY * density.max())
     weights /= weights.sum()
     mean = weights @ kernels
@@ -236,6 +236,12 @@ def from_draws(document: PosteriorDocument, draws: Draws, source: str) -> SlideE
         _zones(strengths),
         float(np.mean([_stress(one) for one in strengths])),
     )
+
+
+def _density(draws: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Density of draws (s,) at places (k,), mirrored at their ends: a prior may stop at a bound."""
+    smooth = gaussian_kde(draws)
+    return smooth(places) + smooth(2.0 * draws.min() - places) + smooth(2.0 * draws.max() - places)
 
 
 def _zones(strengths: Sequence[ParameterAnswer] | Sequence[UnknownAnswer]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from inversion.catalogue.ranges import geometric_mean, load_ranges
 from inversion.joint import infer as joint
 from inversion.joint.build import document_of
 from inversion.joint.document import JointDocument, load_joint
-from inversion.joint.evidence import BlowCountOfSlide, from_draws, from_result
+from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, from_draws, from_result
 from inversion.joint.population import (
     RATIOS,
     TAU_STD,
@@ -69,12 +69,11 @@ def test_the_likelihood_of_a_slide_is_the_integral_over_its_ratio():
     assert slide("c", 0.4, 0.1, kind="undetermined").likelihood(mean, std) == 1.0
 
 
-def test_the_prior_of_a_slide_is_divided_out_of_its_draws():
-    """A posterior N(-2, 0.3) under a prior N(-1.5, 0.5): the data alone say N(-2.28, 0.375)."""
-    random = np.random.default_rng(0)
-    prior, after = random.normal(-1.5, 0.5, (4000, 1)), random.normal(-2.0, 0.3, (4000, 1))
-    draws = Draws(["ratio"], np.exp(after), np.exp(prior), [], np.zeros((4000, 0)),
-                  np.zeros((4000, 0)), np.zeros(4000), {}, {})  # fmt: skip
+def posterior_of(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
+    """What draws of ln ratio (s,) say, as a posterior leaves them."""
+    none = np.zeros((4000, 0))
+    both = (np.exp(after)[:, None], np.exp(prior)[:, None])
+    draws = Draws(["ratio"], *both, [], none, none, np.zeros(4000), {}, {})
     spread = {"mean": 0.1, "std": 0.1, "median": 0.135, "interval_50": (0, 1),
               "interval_95": (0, 1)}  # fmt: skip
     unknown = {"name": "ratio", "label": "r", "kind": "parameter", "property": "strength_ratio",
@@ -89,12 +88,28 @@ def test_the_prior_of_a_slide_is_divided_out_of_its_draws():
                             "simulated_now"), 0),
         remarks=[], timings={}, manifest={},
     )  # fmt: skip
-    found = from_draws(document, draws, "posterior.json")
+    return from_draws(document, draws, "posterior.json")
+
+
+def test_the_prior_of_a_slide_is_divided_out_of_its_draws():
+    """A posterior N(-2, 0.3) under a prior N(-1.5, 0.5): the data alone say N(-2.28, 0.375)."""
+    random = np.random.default_rng(0)
+    prior, after = random.normal(-1.5, 0.5, 4000), random.normal(-2.0, 0.3, 4000)
+    found = posterior_of(after, prior)
     precision = 1 / 0.3**2 - 1 / 0.5**2
     mean = (-2.0 / 0.3**2 + 1.5 / 0.5**2) / precision
     assert found.mean == pytest.approx(mean, abs=0.05)
     assert found.log_std == pytest.approx(precision**-0.5, rel=0.12)
     assert found.sigma_v0_kpa == pytest.approx(100.0)
+
+
+def test_the_edge_of_a_flat_prior_is_no_evidence():
+    """Draws that lean on a bound are weighed evenly there: the ratio is not pushed beyond it."""
+    random = np.random.default_rng(0)
+    after = -3.0 + np.abs(random.normal(0.0, 0.3, 4000))
+    found = posterior_of(after, random.uniform(-3.0, 0.0, 4000))
+    assert found.mean == pytest.approx(after.mean(), abs=0.03)
+    assert found.formal_std == pytest.approx(after.std(), rel=0.1)
 
 
 # --- the relation ---
