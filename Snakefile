@@ -9,6 +9,7 @@
 #   snakemake simulate_lsfd          the Lower San Fernando dam; any folder of case_histories/
 #   snakemake invert_lsfd            its strength, found from how far it ran; any folder with a question
 #   snakemake posterior_lsfd         everything unknown of it, before and after the measurements; any such folder
+#   snakemake joint                  one relation of the strength ratio over several slides (joint.cases)
 #   snakemake diagnose_lsfd          which physical effect its model lacks; any folder with a question
 #   snakemake hidden_effects         the blind benchmark of the diagnosis: hours, or a cluster
 #   snakemake verify                 the verification suite, with its pictures
@@ -37,6 +38,7 @@ include: "rules/direct.smk"
 include: "rules/cases.smk"
 include: "rules/inversion.smk"
 include: "rules/diagnosis.smk"
+include: "rules/joint.smk"
 include: "rules/hidden_effects.smk"
 include: "rules/verification.smk"
 

@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "results" / "site" / "source"
 HTML = ROOT / "results" / "site" / "html"
-SCHEMAS = ("settings", "result", "posterior", "verdict", "card")
+SCHEMAS = ("settings", "result", "posterior", "joint", "verdict", "card")
 SHIM = "https://unpkg.com/iframe-worker/shim"
 PACKAGES = (
     "flowslide", "pipeline", "geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "report",

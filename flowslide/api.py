@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
 from flowslide.run import (
     BodyOptions,
     DiagnosisOptions,
+    JointOptions,
     Options,
     Place,
     Run,
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from inversion.back_analysis.result import Result
     from inversion.classical.analysis import Analysis
     from inversion.classical.sections_of_case import CaseSections
+    from inversion.joint.document import JointDocument
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
     from mpm_taichi.comparison import Reading
@@ -81,6 +83,7 @@ __all__ = [
     "compare",
     "diagnose",
     "explain",
+    "joint",
     "load_case",
     "load_settings",
     "posterior",
@@ -522,12 +525,81 @@ def posterior(
             return document
 
 
+def joint(
+    cases: Sequence[Place | Case],
+    *,
+    out: Place | None = None,
+    weights: Mapping[str, float] | None = None,
+    **options: Unpack[JointOptions],
+) -> JointDocument:
+    """One relation of the ratio S_r / sigma'_v0 over several slides, from their own results.
+
+    Args:
+        cases: sections whose results are in `results_folder` of the settings: a back-analysis or
+            a posterior, with a diagnosis where one was made. Nothing is simulated.
+        out: `joint.json` and `report.html` are written there.
+        weights: quality of some cases by name, in (0, 1]: their variance is divided by it.
+        options: settings; the group `posterior` has the numbers of draws and live points.
+
+    Returns:
+        what `joint.json` holds.
+
+    Raises:
+        InputError: bad input, or a case without results.
+    """
+    from inversion.joint.build import document_of, save, slide_of
+    from report.joint import write_report as write_joint
+
+    require("posterior", "a relation of several slides")
+    run, quality = Run.of(JointOptions, options), dict(weights or {})
+    read = [run.case(case) for case in cases]
+    _check_weights(quality, [case.name for case in read])
+    slides = []
+    for case in read:
+        place = Path(run.config.results_folder) / case.name
+        factor, verdict = _worth(place / "diagnosis")
+        found = slide_of(case, place).widened(factor, verdict)
+        slides.append(found.weighed(quality.get(case.name, 1.0)))
+    if out is None:
+        return document_of(slides, run.config)
+    with working_in(Path(out)):
+        document = save(slides, run.config, Path(out))
+        write_joint(Path(out))
+        return document
+
+
+def _check_weights(weights: Mapping[str, float], names: Sequence[str]) -> None:
+    for name, weight in weights.items():
+        if name not in names:
+            raise InputError(f"--weight {name}: is not among the cases; these are {names}")
+        if not 0.0 < weight <= 1.0:
+            raise InputError(f"--weight {name}={weight:g}: greater than 0, at most 1")
+
+
+def _worth(folder: Path) -> tuple[float, str]:
+    """Within which factor nine of ten strengths lay, by the verdict on a model.
+
+    Returns:
+        the factor, and the verdict; empty: no diagnosis is in the folder, and the factor is the
+        mean of all verdicts.
+    """
+    from diagnosis.track_record import mean_worth, worth_of
+    from diagnosis.verdict.verdict import FILE_NAME, load_verdict
+
+    if not (folder / FILE_NAME).is_file():
+        return mean_worth(), ""
+    verdict = load_verdict(folder).verdict
+    known = worth_of(verdict)
+    return (mean_worth() if known is None else 1.0 + known.most_off), verdict
+
+
 def predict(
     case: Place | Case,
     strengths: Sequence[str | KnownStrength] = (),
     *,
     ratios: Sequence[str] = (),
     posterior: Place | None = None,
+    joint: Place | None = None,
     out: Place | None = None,
     zones: Sequence[str] = (),
     distribution: Literal["lognormal", "normal"] = "lognormal",
@@ -544,10 +616,12 @@ def predict(
     Args:
         case: with a section, at least; or a body in three dimensions: `scene3d.yaml` or its folder.
         strengths: mean and standard deviation [kPa] such as "18+-5", of some zones "1,6=4+-1".
-            Empty: `ratios` or `posterior`.
+            Empty: `ratios`, `posterior` or `joint`.
         ratios: of further zones, S_r over the vertical effective stress before failure, written
             alike: "0.12+-0.03"; that of each point follows from its own stress.
         posterior: in place of strengths: `out` of a `posterior`, whose draws are the strengths.
+        joint: in place of strengths: `out` of a `joint`, whose relation over other slides gives the
+            ratio of a dam without a slide.
         out: `prediction.json` and its page are written there, of a body exceedance maps as well.
         zones: of a single strength; empty: those whose strength `inversion.yaml` seeks, else the
             liquefied ones.
@@ -572,7 +646,7 @@ def predict(
     from geometry.scenes3d.scene3d import is_body
 
     run = Run.of(Options, options)
-    read = _strengths(strengths, ratios, posterior, zones, distribution)
+    read = _strengths(strengths, ratios, posterior, joint, zones, distribution)
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value is not None and value < least:
             raise InputError(f"--{name} {value}: at least {least}")
@@ -725,17 +799,25 @@ def _strengths(
     strengths: Sequence[str | KnownStrength],
     ratios: Sequence[str],
     posterior: Place | None,
+    joint: Place | None,
     zones: Sequence[str],
     distribution: Literal["lognormal", "normal"],
 ) -> Sequence[KnownStrength]:
-    """The strengths of a prediction as they are given, or as a posterior has drawn them."""
-    from inversion.prediction.known_strength import OPTIONS, drawn_strengths, parse_strength
+    """The strengths of a prediction as they are given, or as a posterior or a relation has them."""
+    from inversion.prediction.known_strength import (
+        OPTIONS,
+        drawn_strengths,
+        parse_strength,
+        ratio_of_relation,
+    )
     from inversion.problem.question import STRENGTH_RATIO
 
-    if bool(strengths or ratios) == (posterior is not None):
-        raise InputError("predict: give strengths or a posterior, one of the two")
+    if sum((bool(strengths or ratios), posterior is not None, joint is not None)) != 1:
+        raise InputError("predict: give strengths, a posterior or a joint relation, one of them")
     if posterior is not None:
         read: Sequence[KnownStrength] = drawn_strengths(os.fspath(posterior))
+    elif joint is not None:
+        read = [ratio_of_relation(os.fspath(joint))]
     else:
         read = [parse_strength(s, distribution) if isinstance(s, str) else s for s in strengths]
         read += [parse_strength(text, distribution, STRENGTH_RATIO) for text in ratios]

@@ -60,6 +60,9 @@ REPORT = Command("report", "print results again, rewrite their page, make a PDF 
 POSTERIOR = Command(
     "posterior", "all that is unknown of a case, before and after its data", extra="posterior"
 )
+JOINT = Command(
+    "joint", "one relation of the strength ratio over several slides", extra="posterior"
+)
 PREDICT = Command("predict", "how far a slide with a given strength would run")
 CLASSICAL = Command("classical", "residual strength by Kinetics, ZIF and IMM")
 CATALOGUE = Command("catalogue", "published strengths of 16 flow slides, and our answers")
@@ -136,6 +139,7 @@ COMMANDS: dict[str, dict[str, Command | Group]] = {
         "classical": CLASSICAL,
         "diagnose": DIAGNOSE,
         "posterior": POSTERIOR,
+        "joint": JOINT,
         "predict": PREDICT,
         "studio": STUDIO,
     },

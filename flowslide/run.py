@@ -43,6 +43,16 @@ class WatchedOptions(TypedDict, total=False):
     cancel: Cancel | None
 
 
+class JointOptions(TypedDict, total=False):
+    """Of a function that simulates nothing.
+
+    Attributes:
+        settings: as of `WatchedOptions`.
+    """
+
+    settings: Config | None
+
+
 class BodyOptions(WatchedOptions, total=False):
     """Of a function that simulates in three dimensions.
 

@@ -338,6 +338,16 @@ class PosteriorSettings(Settings):
     seed: int = Field(0, ge=0, description="of designs, sampler and draws")
 
 
+class JointSettings(Settings):
+    """Over which slides one relation of the strength ratio is found."""
+
+    cases: list[str] = Field(
+        ["lower_san_fernando", "la_marquesa", "upper_san_fernando"],
+        min_length=2,
+        description="of `snakemake joint`: each slide once",
+    )
+
+
 class DiagnosisSettings(Settings):
     """How missing physics is found. What an engineer knows of a case is in its diagnosis.yaml."""
 
@@ -716,6 +726,9 @@ class Config(Settings):
         default_factory=PosteriorSettings, description="how the whole posterior is found"
     )
     gns: GnsSettings = Field(default_factory=GnsSettings, description="the learned simulator")
+    joint: JointSettings = Field(
+        default_factory=JointSettings, description="over which slides one relation is found"
+    )
     diagnosis: DiagnosisSettings = Field(
         default_factory=DiagnosisSettings, description="how missing physics is searched for"
     )

@@ -30,7 +30,7 @@ ROOMS = {
     "gns": ["data", "network", "rollout", "evaluation", "training", "direct"],
     "inversion": [
         "catalogue", "problem", "estimation", "engines", "classical", "back_analysis",
-        "posterior", "prediction", "new_case",
+        "posterior", "joint", "prediction", "new_case",
     ],
     "diagnosis": ["hypotheses", "adequacy", "signatures", "selection", "verdict"],
     "report": ["data", "sentences", "tables", "pictures", "charts"],

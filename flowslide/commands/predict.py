@@ -1,6 +1,7 @@
 """`flowslide predict CASE --residual-strength 18+-5`: how far such a slide would run.
 
-With `--posterior` in place of strengths: those that `flowslide posterior` has drawn. With
+With `--posterior` in place of strengths: those that `flowslide posterior` has drawn; with `--joint`
+the ratio that `flowslide joint` has from other slides. With
 `--from-blow-counts`: what published relations say without a fit.
 """
 
@@ -16,7 +17,7 @@ from flowslide.commands import options
 OPTION, RATIO_OPTION = "--residual-strength", "--strength-ratio"
 KINDS: tuple[Literal["lognormal", "normal"], ...] = ("lognormal", "normal")
 FROM_COUNTS = "--from-blow-counts"
-FROM_POSTERIOR = "--posterior"
+FROM_POSTERIOR, FROM_JOINT = "--posterior", "--joint"
 OF_STRENGTHS = ("distribution", "samples", "seeds")
 """Options that belong to strengths that are given."""
 
@@ -53,6 +54,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         FROM_POSTERIOR,
         metavar="DIR",
         help="strengths as `flowslide posterior` has drawn them: its folder, or a file in it",
+    )
+    asked.add_argument(
+        FROM_JOINT,
+        metavar="DIR",
+        help="a strength ratio as `flowslide joint` has it from other slides: its folder, or "
+        "joint.json",
     )
     asked.add_argument(
         FROM_COUNTS,
@@ -122,10 +129,11 @@ def run(arguments: argparse.Namespace) -> None:
             raise InputError(f"--through: not with {FROM_COUNTS}")
         for name in chosen:
             raise InputError(f"--{name}: is of strengths that are given; {FROM_COUNTS} has none")
-    if arguments.posterior is not None and "distribution" in chosen:
-        raise InputError(
-            f"--distribution: is of strengths that are given; {FROM_POSTERIOR} has its own"
-        )
+    for option, given in ((FROM_POSTERIOR, arguments.posterior), (FROM_JOINT, arguments.joint)):
+        if given is not None and "distribution" in chosen:
+            raise InputError(
+                f"--distribution: is of strengths that are given; {option} has its own"
+            )
     settings = load_config(arguments.config, arguments.overrides)
     case = arguments.case if body else api.load_case(arguments.case, settings=settings)
     name = options.name_3d(arguments.case) if body else case.name
@@ -151,6 +159,7 @@ def run(arguments: argparse.Namespace) -> None:
                 arguments.strengths or (),
                 ratios=arguments.ratios or (),
                 posterior=arguments.posterior,
+                joint=arguments.joint,
                 engine=arguments.engine,
                 thicker_than_m=arguments.thicker_than,
                 through_m=arguments.through,

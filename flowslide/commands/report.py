@@ -87,6 +87,11 @@ def _other(arguments: argparse.Namespace) -> Path | None:
 
         page, write = posterior.PAGE, posterior.write_report
         print(posterior.summary(load_posterior(folder)))
+    elif (folder / "joint.json").is_file():
+        from report import joint
+
+        page, write = joint.PAGE, joint.write_report
+        print(joint.summary(joint.load_joint(folder)))
     elif (folder / "verdict.json").is_file():
         from diagnosis.verdict.verdict import load_verdict
         from report import diagnosis

@@ -9,6 +9,7 @@ DOCUMENTS = {
     "settings": ("config/config.schema.json", "pipeline.config"),
     "result": ("config/result.schema.json", "inversion.back_analysis.result"),
     "posterior": ("config/posterior.schema.json", "inversion.posterior.document"),
+    "joint": ("config/joint.schema.json", "inversion.joint.document"),
     "verdict": ("config/verdict.schema.json", "diagnosis.verdict.verdict"),
     "card": ("config/card.schema.json", "gns.evaluation.card"),
 }
@@ -16,8 +17,7 @@ DOCUMENTS = {
 
 DESCRIPTION = (
     "Print the JSON schema of the settings, of result.json (back-analysis), of posterior.json, "
-    "of verdict.json "
-    "(diagnosis) or of card.yaml (learned simulator)."
+    "of joint.json, of verdict.json (diagnosis) or of card.yaml (learned simulator)."
 )
 
 

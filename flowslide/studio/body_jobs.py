@@ -13,7 +13,7 @@ from flowslide.studio.body_maps import (
     reading_rows,
     slide_message,
 )
-from flowslide.studio.jobs import RESULTS, Job
+from flowslide.studio.jobs import RESULTS, Job, joint_of
 from geometry.scenes3d.scene3d import FILE_NAME, Scene3d, load_scene_3d
 from geometry.survey3d.survey import FILE_NAME as SURVEY_FILE
 from geometry.terrain.raster import read_raster
@@ -142,6 +142,7 @@ def _predict(job: Job, scene: Scene3d, common: _Common) -> Found:
         job.options.strengths,
         distribution=job.options.distribution,
         posterior=None if drawn is None else out.parent.parent / drawn / RESULTS["posterior"],
+        joint=joint_of(out.parent) if job.options.joint else None,
         thicker_than_m=job.options.thicker_than_m,
         **common,
     )

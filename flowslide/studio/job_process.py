@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnosis.ranking import Standing
-from flowslide.studio.jobs import JOB, RESULTS, STATE, Job, Kind
+from flowslide.studio.jobs import JOB, RESULTS, STATE, Job, Kind, joint_of
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import make_folder, read_json, write_json
 
@@ -152,6 +152,7 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
                 strengths,
                 distribution=job.options.distribution,
                 posterior=None if drawn is None else folder.parent / drawn / RESULTS["posterior"],
+                joint=joint_of(folder) if job.options.joint else None,
                 **common,
             )
             return job_answers.prediction(found)

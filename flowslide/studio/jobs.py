@@ -25,8 +25,9 @@ from pydantic import Field
 from flowslide.studio import bodies
 from flowslide.studio.bodies import Bodies
 from flowslide.studio.case_documents import read_documents
-from flowslide.studio.workspace import HIDDEN, Workspace, revision_of
+from flowslide.studio.workspace import HIDDEN, JOINT, Workspace, revision_of
 from geometry.scenes.scene import checked_document
+from inversion.joint.document import load_joint
 from inversion.prediction.known_strength import parse_strength
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
@@ -94,6 +95,9 @@ class JobOptions(StrictDocument):
     posterior: str | None = Field(
         None, description="prediction: job whose draws are the strengths, in place of these"
     )
+    joint: bool = Field(
+        False, description="prediction: the ratio by `joint/` of the workspace, in place of these"
+    )
     strengths_kpa: dict[str, float] = Field(
         default_factory=dict, description="simulation of a body: material -> cohesion, such as S_r"
     )
@@ -118,6 +122,11 @@ class Job(StrictDocument):
     threads: int | None = Field(None, description="of the CPU; null: all")
     body: bool = Field(False, description="in three dimensions: its `scene3d.yaml`")
     options: JobOptions
+
+
+def joint_of(folder: Path) -> Path:
+    """The joint relation of the workspace in which a job has its folder."""
+    return folder.parents[3] / JOINT
 
 
 class Jobs:
@@ -187,9 +196,12 @@ class Jobs:
         filled.scene.changed(strengths_kpa=options.strengths_kpa)
 
     def _check_prediction(self, case: str, options: JobOptions, body: bool) -> None:
-        """Strengths are given, or a posterior of this case that is done."""
-        if bool(options.strengths) == (options.posterior is not None):
-            raise InputError("prediction: give strengths or a posterior, one of the two")
+        """Strengths are given, a posterior of this case that is done, or other slides."""
+        given = (bool(options.strengths), options.posterior is not None, options.joint)
+        if sum(given) != 1:
+            raise InputError("prediction: give strengths, a posterior or joint, one of them")
+        if options.joint:
+            load_joint(self.workspace.joint)
         for text in options.strengths:
             parse_strength(text, options.distribution)
         if options.posterior is not None:

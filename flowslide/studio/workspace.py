@@ -45,11 +45,14 @@ from geometry.scenes.doubts import doubts, thin_layers
 from geometry.scenes.fill import point_count
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES, Side
+from inversion.joint.document import load_joint
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, content_hash, make_folder, read_json, write_json
 from pipeline.places import CASES, names_of, shipped
 
 HIDDEN = ".studio"
+#: Folder of a workspace with the joint relation of other slides.
+JOINT = "joint"
 REMOVED = "removed.cases"
 """Folder of cases that were taken out; the dot is in no name of a case."""
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -259,6 +262,20 @@ class Workspace:
         with self._as_folder(name, documents) as folder:
             return load_case(folder)
 
+    @property
+    def joint(self) -> Path:
+        """Where `flowslide joint --out` leaves what other slides say, for predictions."""
+        return self.folder / JOINT
+
+    def joint_words(self) -> str | None:
+        """The ratio of a dam without a slide; None: no joint relation is in the workspace."""
+        try:
+            ratio = load_joint(self.joint).ratio
+        except InputError:
+            return None
+        low, high = ratio.interval_95
+        return f"{ratio.median:.3f} ({low:.3f} to {high:.3f})"
+
     def _derived(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any]:
         """What follows from a case without faults."""
         case = self.case(name, self._whole(name, documents))
@@ -276,6 +293,7 @@ class Workspace:
             ],
             "marks": marks_of(case),
             "sets": [] if case.survey is None else list(case.survey.sets),
+            "joint": self.joint_words(),
         }
 
     @contextmanager

@@ -126,15 +126,15 @@ def load_catalogue(folder: Path = FOLDER) -> list[Entry]:
         Entry(
             name=row["name"],
             case=row["case"],
-            length_m=_number(row, "length_m", where),
-            height_m=_number(row, "height_m", where),
-            paper_height_m=_number(row, "paper_height_m", where),
+            length_m=number_of(row, "length_m", where),
+            height_m=number_of(row, "height_m", where),
+            paper_height_m=number_of(row, "paper_height_m", where),
             template=row["template"],
             runout_m=_optional(row, "runout_m", where),
             runout_confidence=row["runout_confidence"],
             note=row["note"],
         )
-        for where, row in _rows(path, Entry.__dataclass_fields__)
+        for where, row in rows_of(path, Entry.__dataclass_fields__)
     ]
 
 
@@ -148,13 +148,13 @@ def load_strengths(folder: Path = FOLDER) -> list[Strength]:
     known = {entry.name for entry in load_catalogue(folder)}
     path = folder / STRENGTHS_FILE
     found = []
-    for where, row in _rows(path, Strength.__dataclass_fields__):
+    for where, row in rows_of(path, Strength.__dataclass_fields__):
         strength = Strength(
             name=row["name"],
             part=row["part"],
             zones=tuple(row["zones"].split()),
             source=row["source"],
-            s_r_kpa=_number(row, "s_r_kpa", where),
+            s_r_kpa=number_of(row, "s_r_kpa", where),
             low_kpa=_optional(row, "low_kpa", where),
             high_kpa=_optional(row, "high_kpa", where),
             sigma_v0_kpa=_optional(row, "sigma_v0_kpa", where),
@@ -242,7 +242,7 @@ def _check(strength: Strength, known: set[str], where: str) -> None:
         )
 
 
-def _rows(path: Path, columns: Iterable[str]) -> list[tuple[str, dict[str, str]]]:
+def rows_of(path: Path, columns: Iterable[str]) -> list[tuple[str, dict[str, str]]]:
     """Rows of a CSV file with comments, each with its place for messages."""
     text = read_text(path).splitlines()
     numbered = [(n, line) for n, line in enumerate(text, 1) if line and not line.startswith("#")]
@@ -266,10 +266,11 @@ def _rows(path: Path, columns: Iterable[str]) -> list[tuple[str, dict[str, str]]
 
 
 def _optional(row: Mapping[str, str], column: str, where: str) -> float | None:
-    return _number(row, column, where) if row[column] else None
+    return number_of(row, column, where) if row[column] else None
 
 
-def _number(row: Mapping[str, str], column: str, where: str) -> float:
+def number_of(row: Mapping[str, str], column: str, where: str) -> float:
+    """A number greater than 0 of a row; InputError otherwise."""
     try:
         value = float(row[column])
     except ValueError:

@@ -25,6 +25,7 @@ from scipy.special import ndtr, ndtri
 from geometry.scenes.scene import MOST_STRENGTH_RATIO, Scene
 from geometry.scenes3d.scene3d import Terrain
 from inversion.estimation.unknowns import Parameters
+from inversion.joint.document import load_joint
 from inversion.posterior.document import load_posterior
 from inversion.posterior.draws import key, load_draws
 from inversion.prediction.response import FARTHEST
@@ -37,7 +38,7 @@ from inversion.problem.question import (
 )
 from pipeline.cli import InputError
 
-Kind = Literal["lognormal", "normal", "posterior"]
+Kind = Literal["lognormal", "normal", "posterior", "relation of other slides"]
 #: Of strengths that are given as text.
 KINDS: tuple[Kind, ...] = ("lognormal", "normal")
 
@@ -56,6 +57,8 @@ _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
 _FORM = re.compile(rf"(?:([^=]*)=)?\s*({_NUMBER})\s*(?:\+-|\+/-|±)\s*({_NUMBER})\s*")
 #: A normal distribution is cut below this share of the mean.
 LEAST_SHARE = 0.1
+#: Errors of a logarithm that each draw is given.
+SCORES = 41
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class KnownStrength:
         zones: names of the zones that share it; empty: not said yet.
         mean: of it, in `unit`.
         std: standard deviation, in `unit`.
-        kind: of the distribution; posterior: `DrawnStrength`.
+        kind: of the distribution; the last two: `DrawnStrength`.
         property: residual strength, or ratio to the vertical effective stress before failure.
     """
 
@@ -210,11 +213,24 @@ class DrawnStrength(KnownStrength):
 
 
 def widened(strength: KnownStrength, log_std: float) -> KnownStrength:
-    """A strength whose logarithm may be off by more; draws of a posterior have that in them."""
+    """A strength whose logarithm may be off by more; draws of a posterior have that in them.
+
+    What other slides tell has their errors in it and not that of this dam's runs.
+    """
     if isinstance(strength, DrawnStrength):
-        return strength
+        return strength if strength.kind == "posterior" else _redrawn(strength, log_std)
     more = strength.mean * log_std
     return replace(strength, std=float(np.hypot(strength.std, more)))
+
+
+def _redrawn(strength: DrawnStrength, log_std: float) -> DrawnStrength:
+    """As many draws, whose logarithm scatters by more."""
+    count = len(strength.draws)
+    scores = ndtri((np.arange(SCORES) + 0.5) / SCORES)
+    logs = np.add.outer(np.log(strength.draws), log_std * scores)
+    values = np.quantile(np.exp(logs), (np.arange(count) + 0.5) / count)
+    mean, std = float(values.mean()), float(values.std())
+    return replace(strength, mean=mean, std=std, draws=tuple(map(float, values)))
 
 
 def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
@@ -248,6 +264,26 @@ def drawn_strengths(path: str | Path) -> list[DrawnStrength]:
     if not found:
         raise InputError(f"{folder}: a posterior without a residual strength or ratio")
     return found
+
+
+def ratio_of_relation(path: str | Path) -> DrawnStrength:
+    """The ratio of a dam without a slide, as other slides tell it.
+
+    Args:
+        path: folder of `joint.json`, or the file.
+
+    Raises:
+        InputError: no such document.
+    """
+    document = load_joint(path)
+    return DrawnStrength(
+        (),
+        document.ratio.mean,
+        document.ratio.std,
+        "relation of other slides",
+        STRENGTH_RATIO,
+        tuple(document.ratio_quantiles),
+    )
 
 
 def sampled_scores(

@@ -37,6 +37,7 @@ NEEDY = {
     "posterior": [
         f"posterior {CASE}",
         f"predict {CASE} --posterior results",
+        f"joint {CASE} la_marquesa",
     ],
     "studio": ["studio", f"studio {CASE}"],
     "video": [f"simulate {CASE} --film mp4"],

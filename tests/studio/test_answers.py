@@ -19,9 +19,12 @@ from flowslide.studio.job_process import Told
 from flowslide.studio.jobs import Job, JobOptions
 from flowslide.studio.live import Live
 from inversion.back_analysis.result import load_result
+from inversion.joint.build import document_of
 from pipeline.cli import InputError
+from pipeline.config import load_config
 from pipeline.files import read_json, write_json
 from tests.dams import dam_with_pool
+from tests.inversion.slides import FEW, dams
 
 PORT, TOKEN = 8321, "the-token"
 OURS = {"origin": f"http://127.0.0.1:{PORT}"}
@@ -177,11 +180,13 @@ def test_a_report_finds_the_newest_classical_methods_on_the_same_files(workspace
 
 def test_a_prediction_is_asked_for_with_strengths(browser):
     for options, words in (
-        ({}, "strengths or a posterior"),
+        ({}, "strengths, a posterior or joint"),
         ({"strengths": ["loose=8"]}, "MEAN+-STD"),
         ({"strengths": ["loose=8+-"]}, "MEAN+-STD"),
         ({"strengths": ["loose=8+-9"]}, "exceeds the mean"),
-        ({"strengths": [STRENGTH], "posterior": "x"}, "one of the two"),
+        ({"strengths": [STRENGTH], "posterior": "x"}, "one of them"),
+        ({"strengths": [STRENGTH], "joint": True}, "one of them"),
+        ({"joint": True}, "no such file"),
         ({"posterior": "20260101-000000-abcdef"}, "there is none"),
         ({"posterior": "../../x"}, "there is none"),
         ({"strengths": [STRENGTH], "distribution": "flat"}, "distribution"),
@@ -190,6 +195,31 @@ def test_a_prediction_is_asked_for_with_strengths(browser):
         answer = browser.post("/api/jobs", json=body, headers=OURS)
         assert answer.status_code == 400 and words in answer.json()["message"], answer.text
     assert browser.get("/api/jobs").json() == []
+
+
+@pytest.fixture
+def others(workspace):
+    """What other slides say, in the workspace."""
+    document = document_of(dams(), load_config(None, FEW))
+    write_json(workspace.joint / "joint.json", document.model_dump(mode="json"))
+    return document
+
+
+def test_the_page_offers_what_other_slides_tell(browser, others):
+    told = browser.get("/api/cases/small").json()["derived"]["joint"]
+    low, high = others.ratio.interval_95
+    assert told == f"{others.ratio.median:.3f} ({low:.3f} to {high:.3f})"
+
+
+@pytest.mark.slow
+def test_a_prediction_takes_the_ratio_of_other_slides(browser, workspace, others, tmp_path, capsys):
+    job = ask(browser, "predict", spacing_m=3.0, joint=True)
+    command(capsys, "predict", workspace.source("small"), "--joint", workspace.joint,
+            "--out", tmp_path / "own", "--spacing", 3.0, "--threads", 1)  # fmt: skip
+    own = json.loads((tmp_path / "own" / "prediction.json").read_text())
+    assert left(browser, job, "prediction.json") == own
+    assert own["strengths"][0]["property"] == "strength_ratio"
+    assert own["strengths"][0]["mean"] == pytest.approx(others.ratio.mean)
 
 
 def test_a_job_says_how_long_it_will_take(tmp_path, monkeypatch):

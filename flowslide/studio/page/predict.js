@@ -3,6 +3,9 @@
 import { numberBox } from "./numbers.js";
 import { el } from "./ui.js";
 
+/** Of the choice of strengths: those of the joint relation, no number of a job. */
+const JOINT = "joint";
+
 /**
  * Zones that share a strength: those whose strength the question of the case asks for, else the
  * soils that liquefy. The same choice as that of `flowslide predict`.
@@ -34,10 +37,12 @@ export function askStrengths(state, done, start) {
   const rows = groups(state).map((group) => ({ ...group, ...fields(group) }));
   const known = done.flatMap((job) => job.strengths ?? []).filter((one) => one.std);
   const drawn = done.filter((job) => job.kind === "posterior");
+  const { joint } = state.found.derived ?? {};
   const kind = el("select", {}, new Option("lognormal: never negative, longer to the right", "lognormal"),
     new Option("normal: as far above as below", "normal"));
   const source = el("select", {}, new Option("the values below", ""),
-    ...drawn.map((job) => new Option(`draws of the posterior at ${job.options.spacing_m} m`, job.id)));
+    ...drawn.map((job) => new Option(`draws of the posterior at ${job.options.spacing_m} m`, job.id)),
+    ...(joint ? [new Option(`the ratio that other slides tell, ${joint}`, JOINT)] : []));
   const thicker = el("input", { type: "text", size: 12, value: state.body ? state.found.derived.least_m : "", "aria-label": "thicknesses of the deposit [m]" });
   const fault = el("p", { className: "fault" });
   fault.setAttribute("role", "alert");
@@ -74,7 +79,7 @@ export function askStrengths(state, done, start) {
       + "result is the probability that the toe passes any distance." }),
     el("p", { className: "note", textContent: "Where from: a back-analysis of this slope or of a similar one gives both numbers."
       + (state.body ? "" : " From blow counts alone, close this and ask \"From blow counts\": published relations bring their own scatter.") }),
-    ...(drawn.length ? [el("label", { className: "row" }, "Strengths ", source)] : []),
+    ...(drawn.length || joint ? [el("label", { className: "row" }, "Strengths ", source)] : []),
     table,
     el("label", { className: "row" }, "Distribution ", kind),
     state.body ? el("label", { className: "row", title: "several with spaces; empty: that from which soil counts as a deposit" }, "Map where the deposit is thicker than, m ", thicker) : "",
@@ -89,7 +94,7 @@ export function askStrengths(state, done, start) {
       (empty.mean.value > 0 ? empty.std : empty.mean).focus();
       return;
     }
-    const options = source.value ? { posterior: source.value } : {
+    const options = source.value === JOINT ? { joint: true } : source.value ? { posterior: source.value } : {
       strengths: rows.map(({ zones, mean, std }) => `${zones.join(",")}=${mean.value}+-${std.value}`), distribution: kind.value,
     };
     if (state.body) {
