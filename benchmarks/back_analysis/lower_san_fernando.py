@@ -5,8 +5,8 @@ kPa, 30 and 30 degrees, target 53 m, loss (runout error)^2 < 0.1 m2; Gauss-Newto
 L-BFGS-B (the paper's search), its section, no reservoir: the case `lower_san_fernando_paper`.
 Counted are all simulations, those of the derivative and of the noise included.
 
-The three starts are the first guess, 0.65 and 1.6 times its strength with other friction angles. The
-scatter is that of the answer found again on eight jitters of the points.
+The three starts are the first guess, 0.65 and 1.6 times its strength with other friction angles.
+The scatter is that of the answer found again on eight jitters of the points.
 """
 
 from __future__ import annotations
