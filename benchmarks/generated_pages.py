@@ -182,6 +182,10 @@ class Study(ABC):
         text = (self.folder / f"{name}.py").read_text(encoding="utf-8")
         return ast.get_docstring(ast.parse(text)) or ""
 
+    def shown(self, name: str, record: Record) -> str:
+        """What the page has of the explanation."""
+        return self.explanation(name)
+
     def picture(self, name: str) -> str:
         """File name of the picture of a part."""
         return f"{name}.png"
@@ -195,7 +199,7 @@ class Study(ABC):
             rows: its table.
             remark: what follows the command, the time and the date.
         """
-        parts = [f'<a id="{name}"></a>', f"## {record['title']}", self.explanation(name)]
+        parts = [f'<a id="{name}"></a>', f"## {record['title']}", self.shown(name, record)]
         if (self.pictures / self.picture(name)).is_file():
             shown = f"../images/{self.page.stem}/{self.picture(name)}"
             parts.append(f"![{record['title']}]({shown})")

@@ -1,10 +1,9 @@
 """Classical methods on the same section.
 
-Kinetics, ZIF and IMM by `flowslide classical`, each with the range over its judgement
-calls: on the section of the paper at Lower San Fernando with its pool, compared with figures found
-independently beforehand on the same section (buoyant, 53 m) and published ones; on the published
-section, whose core and rolled fill have undrained strengths; and at La Marquesa. The differences
-are explained in docs/method/classical.md: the section after the slide is constructed.
+Kinetics, ZIF and IMM by `flowslide classical`, each with the range over its judgement calls,
+compared with figures found independently beforehand on the same section (buoyant, 53 m) and
+published ones. The differences are explained in docs/method/classical.md: the section after the
+slide is constructed.
 """
 
 from __future__ import annotations

@@ -6,8 +6,7 @@ L-BFGS-B (the paper's search), its section, no reservoir: the case `lower_san_fe
 Counted are all simulations, those of the derivative and of the noise included.
 
 The three starts are the first guess, 0.65 and 1.6 times its strength with other friction angles.
-The scatter is that of the answer found again on eight jitters of the points; it is one of the
-sources of `std_total`.
+The scatter is that of the answer found again on eight jitters of the points.
 """
 
 from __future__ import annotations

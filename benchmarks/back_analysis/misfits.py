@@ -1,9 +1,7 @@
 """What was measured and not fitted.
 
-The remnant of Lower San Fernando kept 1.5 m of freeboard, which models without the thrust of the
-pool miss; its crest sank farther and its slide lasted longer than the simulated ones. At La
-Marquesa the core settled by about 2 m. All are held out of the fit or compared, and the report of
-every back-analysis shows them as this table does.
+The numbers below are held out of the fit or only compared; the report of every back-analysis
+shows them as this table does.
 """
 
 from __future__ import annotations

@@ -1,25 +1,17 @@
 """Twin experiments: strengths that are known.
 
 Twenty slides with a known S_r: sections from the random templates (a) to (d) with a liquefied
-zone, and both dams. Each slide is simulated with jittered points at 0.8 times the spacing of the
-fit, and surveyed with random errors: the toe (standard deviation 3 % of the section's height) and
-14 points of the surface (1.5 %). The survey, the section and a question go into a case folder;
-its measurements grant the model half a spacing (`model_std_m`). The tool answers from three first
-guesses that know nothing of the truth (20 kPa for every template). A section is left out where
-S_r does not decide the runout: where the slide is shorter than 0.3 heights, reaches the wall, or
-would stop less than 0.1 heights earlier with 30 % more strength. The search was improved on
-another set of twins (looking around, wider steps, smoothing), and these were drawn afterwards. One
-thing was learned on these themselves: to take noise off the derivative before it counts as
-knowledge (without it, and with errors in kPa instead of logarithms, 90 % lie within 2 standard
-deviations).
+zone, and both dams, simulated with jittered points at 0.8 times the spacing of the fit. Surveyed
+are the toe (standard deviation 3 % of the section's height) and 14 points of the surface (1.5 %),
+with random errors; the case grants the model half a spacing (`model_std_m`). The tool answers
+from three first guesses that know nothing of the truth (20 kPa for every template). A section is
+left out where S_r does not decide the runout: where the slide is shorter than 0.3 heights,
+reaches the wall, or would stop less than 0.1 heights earlier with 30 % more strength. The search
+was improved on another set of twins; of these themselves one thing was learned, to take noise off
+the derivative (without it, and with errors in kPa, 90 % lie within 2 standard deviations).
 
-That three starts agree to the last digit is by design: the smoothing at the end of a search
-rounds its places, so searches that come near each other use the same runs.
-
-The standard deviation that is judged is `std_total`, which the tool quotes for every case: the
-survey's errors, the scatter over jitter seeds, and the change of the answer when the cells are
-1.5 times as large. The last is the numerical error as far as a user can know it: the truth of a
-real slide has no cells.
+The standard deviation that is judged is `std_total`: the survey's errors, the scatter over jitter
+seeds, and the change of the answer when the cells are 1.5 times as large.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Wall time of forward and gradient.
 
 One batch with the base run and one run for each parameter, side by side on two threads, against
-one run alone on the same machine; nothing is kept between repetitions. The smallest of several
-times counts, because other work on the machine can only add to it. The paper: 237 s for an
+one run alone on the same machine; the smallest of several times counts. The paper: 237 s for an
 iteration of the learned simulator on a GPU, 3,867 s for one run of the material point method on
 56 cores.
 """

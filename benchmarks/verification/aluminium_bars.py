@@ -5,20 +5,14 @@ comparisons with the digitised experiment:
 
 - surface: smooth column height at the measured places, root mean square over the height;
 - toe: where the deposit is 2.5 mm (about two bars) thick, the measured surface read the same way;
-- failure line: the boundary between bars that moved by less than 2 mm, about one bar, and the rest,
-  in places before the collapse. Photographs show such bars as unmoved. The band in the picture
-  shows the line for 1 and 5 mm.
+- failure line: the boundary between bars that moved by less than 2 mm, about one bar, and the rest.
+  The band in the picture shows the line for 1 and 5 mm.
 
-The toe is wrong. One or two per cent of the mass, a layer of two or three points, slides ahead of
-the body of the deposit, 16 to 19 % beyond the measured toe at 2 mm. The ground is not the cause:
-sheets of one to four points thrown along it stop within 1 to 6 % of v^2 / (2 g sin(phi)), on rough
-and on Coulomb ground. Smaller cells do not remove it, and bonded ground only hides it behind a drag
-that depends on the cell. What the model lacks is friction that rises where grains flow fast in a
-thin layer: with the effect `inertial_friction` (mu(I)) for bars of 1.25 mm, the mean of the two
-sizes, and the constants published for glass beads the toe is right and the surface fits more than
-twice as well. No value was varied to fit. If 19.8 degrees were the angle of a shear box, the angle
-of the model would be asin(tan 19.8) = 21.1 degrees (see `granular_column`), the surface would fit
-to 2.8 % and the toe to 6 % without that; the published angle is used unchanged.
+The toe is wrong. One or two per cent of the mass, a layer of two or three points, slides 16 to 19 %
+beyond the measured toe at 2 mm. Neither the ground nor the cell size is the cause. What the model
+lacks is friction that rises where grains flow fast in a thin layer: with the effect
+`inertial_friction` (mu(I)) for bars of 1.25 mm and the constants published for glass beads the toe
+is right and the surface fits more than twice as well. No value was varied to fit.
 """
 
 from __future__ import annotations

@@ -5,10 +5,8 @@ frictional column, and the Lower San Fernando section with its reservoir. A chan
 also given as the S_r that would cause it, from a run with 5 % more S_r: the effective numerical
 strength, which should stay under 2 % of S_r.
 
-The front of the column, soil without cohesion, ends in a layer as thin as the threshold of the toe.
-Whether a gap in it is deeper than the threshold is random, and the toe jumps from one side of such
-a gap to the other: its two rows pass or fail at random (the same sums rounded in another order gave
--12 and -3.8 %). The reach of 99 % of the soil is therefore given as well.
+The front of the column, soil without cohesion, ends in a layer as thin as the threshold of the toe,
+so its two rows pass or fail at random. The reach of 99 % of the soil is therefore given as well.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The verification as a study: its cases, its records, and its pages.
 
 The docstring of a case gives formula, source and what limits the accuracy. The page shows that
-text, the picture and the rows.
+text (where all rows pass: its first paragraph and its formulas), the picture and the rows.
 """
 
 from __future__ import annotations
@@ -115,6 +115,11 @@ class Verification(Study):
             made.append(self.section(name, record, rows, remark))
         return "\n".join(made)
 
+    def shown(self, name: str, record: Record) -> str:
+        """All of the explanation where a row fails, else its first paragraph and its formulas."""
+        whole = self.explanation(name)
+        return whole if self.missed(record) else _essence(whole)
+
     def table_rows(self, record: Record) -> list[tuple[str, ...]]:
         """The rows of a record as cells."""
         return [
@@ -122,6 +127,17 @@ class Verification(Study):
              self.verdict(row))
             for row in self.rows_of(record)
         ]  # fmt: skip
+
+
+def _essence(text: str) -> str:
+    """The first paragraph of a text and its formulas, each with the paragraph that leads to it."""
+    parts = text.split("\n\n")
+    formulas = {number for number, part in enumerate(parts) if part.startswith("    ")}
+    kept = {0} | formulas | {number - 1 for number in formulas}
+    return "\n\n".join(
+        parts[number] if number + 1 in kept else parts[number].rstrip(",;")
+        for number in sorted(kept)
+    )
 
 
 def _is_case(path: Path) -> bool:

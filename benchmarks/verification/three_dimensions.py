@@ -1,23 +1,17 @@
 """The three-dimensional solver: stress, rest, sliding, the plane, collapse of a round column.
 
-- **Return to yield.** Random trial stresses with axes turned at random in space, in all regions of
-  the yield surface, against the enumeration of `mohr_coulomb_reference`; a full turn without strain
-  about a skew axis must keep the stress.
-- **Rest.** A settled elastic layer carries its weight: sigma_z = rho g depth, and nu / (1 - nu) of
-  it sideways.
-- **Block on a plane** that falls along x, along y and at 30 degrees between them, with friction:
-  a = g (sin b - mu cos b), and no motion across the fall line.
-- **The plane.** A bank of clay that slides between smooth flanks is the two-dimensional run of the
-  same section: runout and surface profile within 0.5 %.
-- **Free motion.** An elastic block flies and turns: momentum, angular momentum, energy. FLIP keeps
-  the velocity of a point while its affine part comes from the grid, so angular momentum is kept to
-  the size of a cell only: 7.3 % are lost with four cells to the longest edge, 2.3 % with eight.
+- **Return to yield.** Random trial stresses in all regions of the yield surface, against
+  `mohr_coulomb_reference`; a full turn without strain about a skew axis must keep the stress.
+- **Rest.** A settled elastic layer: sigma_z = rho g depth, and nu / (1 - nu) of it sideways.
+- **Block on a plane** that falls along x, along y and between them: a = g (sin b - mu cos b).
+- **The plane.** A bank of clay between smooth flanks is the two-dimensional run.
+- **Free motion.** FLIP keeps angular momentum to the size of a cell only: 7.3 % are lost with four
+  cells to the longest edge of a turning block, 2.3 % with eight.
 - **Round column.** Sand (phi as in `granular_column`) next to two smooth walls is a quarter of a
   round column. Runout and height against the laws of Lube, Huppert, Sparks and Hallworth (2004,
   J. Fluid Mech. 508, 175) and of Lajeunesse, Mangeney-Castelnau and Vilotte (2004, Phys. Fluids 16,
   2371); the factors are recalled, not read in the sources. The front is where the deposit is one
-  spacing thick, r0 / 20, so the runout of flat columns is short of the law; it grows as points get
-  smaller (a = 1: 0.63 r0 with 8 points to the radius, 0.91 with 20).
+  spacing thick, so the runout of flat columns is short of the law; it grows as points get smaller.
 - **dt/2 and dx/2** of the bank.
 
 Not covered: a cut of finite length in clay against its shape factor.
