@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from geometry.dimensions.stated import SlideDimensions
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role
 from pipeline.config import validate_settings
@@ -132,6 +133,9 @@ class PosteriorDocument(StrictDocument):
         None,
         description="what turned strengths of runs into all of those told here, its error among "
         "theirs; null: they are as the runs had them",
+    )
+    section: SlideDimensions | None = Field(
+        None, description="what is stated of a section that nobody drew; null: it was drawn"
     )
     correlation: list[list[float]] = Field(description="of the unknowns after the data")
     evidence: Evidence

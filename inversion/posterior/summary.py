@@ -20,8 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from geometry.dimensions.stated import SlideDimensions
 from inversion import PHYSICS_VERSION
+from inversion.back_analysis.asked import Asked
 from inversion.engines.small_cells import NAME as CELLS
+from inversion.estimation.forward import SectionSetup
 from inversion.posterior.document import (
     FILE_NAME,
     Evidence,
@@ -109,6 +112,7 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
             for name, change in inference.otherwise.items()
         },
         small_cells=inference.cells,
+        section=_stated_section(case),
         correlation=[[_round(r) for r in row] for row in _correlation(found.told)],
         evidence=Evidence(
             log_evidence=_round(sampled.log_evidence),
@@ -134,6 +138,13 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
         timings={name: round(time, 2) for name, time in inference.timings.items()},
         manifest=manifest(case.config, seeds={"posterior": inference.settings.seed}),
     )
+
+
+def _stated_section(case: Asked) -> SlideDimensions | None:
+    """What is stated of a section that nobody drew; None: it was drawn."""
+    setup = case.setup
+    family = setup.family if isinstance(setup, SectionSetup) else None
+    return None if family is None else family.stated
 
 
 def spread(draws: np.ndarray) -> Spread:
@@ -293,6 +304,11 @@ def _correction(coarse: np.ndarray, fine: np.ndarray) -> tuple[float, float] | N
 
 
 def _prior_words(unknown: Unknown) -> str:
+    words = _distribution_words(unknown)
+    return f"{words}; {unknown.source}" if unknown.source else words
+
+
+def _distribution_words(unknown: Unknown) -> str:
     low, high = (np.exp(t) if unknown.logarithmic else t for t in (unknown.low, unknown.high))
     cut = f"{low:.3g} to {high:.3g}"
     if unknown.normal is None:
