@@ -12,6 +12,7 @@ from inversion.engines.registry import engine_named
 from inversion.posterior.document import PosteriorDocument, PredictedNumber, load_posterior
 from inversion.posterior.draws import Draws, load_draws
 from report.charts.corner import draw_corner
+from report.charts.hidden_section import draw_hidden_section
 from report.charts.posterior import draw_before_after, draw_predicted, draw_shares
 from report.numbers import number, plural, with_unit
 from report.page import Section, folded, said, shown, tabulated, write_page
@@ -163,6 +164,18 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                     "inputs that depend on each other need not add up to 1.",
                 ),
                 *folded("The same in numbers", *tables.share_tables(document)),
+            ],
+        ),
+        Section(
+            "Sections",
+            [
+                *shown(
+                    draw_hidden_section(document, draws, folder / "sections.svg"),
+                    "Outlines of sections before and after the data.",
+                    "Nobody drew the section: it is unknown as its dimensions are. Each outline "
+                    "is one that these allow, shaded where it liquefied; the line at the left is "
+                    "the measured toe. Below, each dimension with where its numbers come from.",
+                )
             ],
         ),
         Section(

@@ -49,6 +49,9 @@ class UnknownAnswer(StrictDocument):
     )
     property: str = Field(description="of a parameter, as in inversion.yaml; else empty")
     zones: list[str] = Field(description="of a parameter; else none")
+    dimension: str = Field(
+        "", description="key in dimensions.yaml, of a section that nobody drew; else empty"
+    )
     unit: str = Field(description="kPa, deg, kg/m3, m; std: in standard deviations about 0")
     prior: str = Field(description="in words")
     before: Spread

@@ -215,6 +215,7 @@ def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
         kind="parameter" if is_parameter else "nuisance",
         property="" if spec is None else spec.property,
         zones=[] if spec is None else list(spec.zones),
+        dimension="" if is_parameter else model.varied.dimension_of(place),
         unit=unknown.unit,
         prior=_prior_words(unknown),
         before=spread(before),

@@ -164,6 +164,11 @@ class VariedCase:
         boundary = [isinstance(nuisance, ZoneBoundary) for nuisance in self.nuisances]
         return np.array([False] * self.parameters + boundary)
 
+    def dimension_of(self, place: int) -> str:
+        """Key of a dimension among the unknowns; empty: another nuisance."""
+        nuisance = self.nuisances[place - self.parameters]
+        return nuisance.dimension if isinstance(nuisance, UnknownDimension) else ""
+
     def _score(self, nuisance: Uncertain, value: float) -> float:
         """Standard score of a nuisance; a dimension is known by its value."""
         if isinstance(nuisance, UnknownDimension):
