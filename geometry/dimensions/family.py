@@ -55,7 +55,7 @@ LABELS: dict[str, tuple[str, str]] = {
 }
 """Each dimension in words, and its unit; H: heights."""
 
-#: Shares of the height: of the soil left beside and above what liquefied, and of a pool's freeboard.
+#: Shares of the height: of soil left beside and above what liquefied, and of a pool's freeboard.
 BESIDE, ABOVE, FREEBOARD = 0.15, 0.1, 0.02
 #: Where the water of a pool begins and ends to fall, in heights from the middle of the crest.
 FALLS = (-0.1, 0.5)
@@ -224,7 +224,9 @@ class Shape:
         middle = 0.5 * (left + right)
         level = self.pool_m
         if self.pool_first:
-            falls = [(middle + share * height, y) for share, y in zip(FALLS, (level, 0.0))]
+            falls = [
+                (middle + share * height, y) for share, y in zip(FALLS, (level, 0.0), strict=True)
+            ]
         else:
             falls = [(0.0, 0.0), (middle - FALLS[0] * height, level)]
         ends = (falls[0][1], falls[-1][1])

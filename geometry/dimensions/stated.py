@@ -146,9 +146,7 @@ class SlideDimensions(Document):
     runout_m: StatedNumber | None = Field(
         None, description="how far the toe ran beyond the foot; positive outward"
     )
-    duration_s: StatedNumber | None = Field(
-        None, description="time of 5 to 95 % of the soil's way"
-    )
+    duration_s: StatedNumber | None = Field(None, description="time of 5 to 95 % of the soil's way")
     note: str = Field("", description="free text")
 
     @model_validator(mode="after")

@@ -169,9 +169,7 @@ def measurements_text(
     return text
 
 
-def inversion_text(
-    scene: Scene, toes: Sequence[str], dimensions: Sequence[Dimension] = ()
-) -> str:
+def inversion_text(scene: Scene, toes: Sequence[str], dimensions: Sequence[Dimension] = ()) -> str:
     """`inversion.yaml`: S_r of every liquefied material, fitted to the toes.
 
     Args:

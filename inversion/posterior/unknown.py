@@ -188,14 +188,13 @@ class VariedCase:
         return deviating(self.case.setup, self.nuisances, scores, self.case.source)
 
 
-def _unknown_dimension(case: Asked, sensitivity: UnknownDimension) -> Unknown:
-    """A dimension as an unknown, in its own unit."""
-    dimension = _dimension(case, sensitivity)
+def unknown_dimension(name: str, dimension: Dimension) -> Unknown:
+    """A dimension of a section that nobody drew as an unknown, in its own unit."""
     low, high, normal = dimension.low, dimension.high, dimension.normal
     if normal is not None:
         low, high, normal = math.log(low), math.log(high), (math.log(normal[0]), normal[1])
     return Unknown(
-        sensitivity.name,
+        name,
         dimension.label,
         dimension.unit,
         normal is not None,
@@ -226,7 +225,8 @@ def varied_case(case: Asked, refused: Callable[[Setup], str] = lambda setup: "")
             continue
         if isinstance(sensitivity, UnknownDimension):
             kept.append(sensitivity)
-            unknowns.append(_unknown_dimension(case, sensitivity))
+            dimension = _dimension(case, sensitivity)
+            unknowns.append(unknown_dimension(sensitivity.name, dimension))
             continue
         low, high = (-FARTHEST, FARTHEST)
         if isinstance(sensitivity, ZoneBoundary):
