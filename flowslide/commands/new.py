@@ -92,13 +92,11 @@ def _refuse_options_of_drawings(arguments: argparse.Namespace) -> None:
 
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    shared = {"case", "section", "dimensions", "spacing"}
-    for name, value in vars(arguments).items():
-        default = parser.get_default(name)
-        if name not in shared and name in vars(parser.parse_args(["x", "--section", "x"])):
-            if value != default:
-                option = name.replace("_", "-")
-                raise InputError(f"--{option}: belongs to a drawing, not to --dimensions")
+    defaults = vars(parser.parse_args(["x", "--section", "x"]))
+    for name in defaults.keys() - {"case", "section", "dimensions", "spacing"}:
+        if getattr(arguments, name) != defaults[name]:
+            option = name.replace("_", "-")
+            raise InputError(f"--{option}: belongs to a drawing, not to --dimensions")
 
 
 def _from_drawing(arguments: argparse.Namespace) -> None:

@@ -155,11 +155,8 @@ class SectionFamily:
             zone["polygon"] = shape.zones[zone["name"]]
         document["water_level"], document["phreatic_line"] = shape.water(base.domain)
         for soil in document["materials"].values():
-            extra = values["density"] - soil["density"]
-            soil["density"] += extra
-            if soil["saturated_density"] is not None:
-                soil["saturated_density"] += extra
-        document["materials"][FILL]["friction_deg"] = values["fill_friction_deg"]
+            soil["density"] = round(values["density"], 4)
+        document["materials"][FILL]["friction_deg"] = round(values["fill_friction_deg"], 4)
         return document
 
     def _keys(self) -> list[str]:
@@ -230,7 +227,7 @@ class Shape:
         else:
             falls = [(0.0, 0.0), (middle - FALLS[0] * height, level)]
         ends = (falls[0][1], falls[-1][1])
-        return level, [(domain.x_min, ends[0]), *falls, (domain.x_max, ends[1])]
+        return level, _rounded([(domain.x_min, ends[0]), *falls, (domain.x_max, ends[1])])
 
 
 def shape_of(values: Mapping[str, float], slid_face: str) -> Shape:

@@ -16,6 +16,7 @@ from geometry.dimensions.family import Dimension, SectionFamily
 from geometry.dimensions.median_section import median_section
 from geometry.dimensions.stated import FILE_NAME, StatedNumber, load_dimensions
 from geometry.scenes.scene import Scene
+from geometry.sides import Side
 from inversion.new_case.case_files import CaseWords, inversion_text, scene_file_text
 from inversion.new_case.make_case import new_folder, write_case
 from pipeline.files import read_text, yaml_text
@@ -62,7 +63,7 @@ def case_of_dimensions(name: str, file: str, spacing_m: float | None = None) -> 
     stated = load_dimensions(Path(file))
     family = SectionFamily(stated)
     scene = median_section(family, folder.name, spacing_m)
-    upstream = "right" if stated.slid_face == "downstream" else "left"
+    upstream: Side = "right" if stated.slid_face == "downstream" else "left"
     words = CaseWords(folder.name, FILE_NAME, upstream, None)
     write_case(
         folder,
