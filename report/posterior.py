@@ -52,6 +52,7 @@ def summary(document: PosteriorDocument) -> str:
         tables.predicted_table(document).text(without=["before the data"]),
         *(table.text() for table in tables.share_tables(document)),
         tables.nuisance_table(document).text(without=["prior"]),
+        tables.confirmation_table(document).text() if document.confirmation else "",
         "\n".join(map(plain, [evidence_sentence(document), *_cells(document), *document.remarks])),
     ]
     return "\n\n".join(part for part in parts if part)
@@ -193,7 +194,11 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
             "How it was made",
             [
                 *said([f"{_runs_words(document)}.", *document.remarks]),
-                *tabulated(tables.emulator_table(document), tables.other_ways_table(document)),
+                *tabulated(
+                    tables.emulator_table(document),
+                    tables.other_ways_table(document),
+                    tables.confirmation_table(document),
+                ),
             ],
         ),
     ]

@@ -105,6 +105,16 @@ class Evidence(StrictDocument):
     information_nats: float = Field(description="how much the data narrow the prior")
 
 
+class ConfirmedNumber(StrictDocument):
+    """A fitted number by the solver at draws of a posterior that a learned model found."""
+
+    name: str
+    runs: int = Field(description="draws that were simulated and could be read")
+    difference: float = Field(description="mean of the solver's less the predicted number")
+    scatter: float = Field(description="standard deviation of that difference")
+    stated_std: float = Field(description="error of model and emulator that was reckoned with")
+
+
 class RunCounts(StrictDocument):
     """Simulations behind the emulator."""
 
@@ -141,6 +151,10 @@ class PosteriorDocument(StrictDocument):
         None, description="what is stated of a section that nobody drew; null: it was drawn"
     )
     correlation: list[list[float]] = Field(description="of the unknowns after the data")
+    confirmation: list[ConfirmedNumber] = Field(
+        default_factory=list,
+        description="of a learned model: runs of the solver at draws of the posterior",
+    )
     evidence: Evidence
     runs: RunCounts
     remarks: list[str]

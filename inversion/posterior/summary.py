@@ -25,6 +25,7 @@ from inversion import PHYSICS_VERSION
 from inversion.back_analysis.asked import Asked
 from inversion.engines.small_cells import NAME as CELLS
 from inversion.estimation.forward import SectionSetup
+from inversion.posterior.confirmation import confirmed
 from inversion.posterior.document import (
     FILE_NAME,
     Evidence,
@@ -55,9 +56,22 @@ COMPONENTS = 3
 DISAGREE = 3.0
 
 
-def save_all(found: Inferred[CaseModel], folder: Path) -> PosteriorDocument:
-    """Write `posterior.json` and `posterior.nc`."""
+def save_all(
+    found: Inferred[CaseModel], folder: Path, solver: CaseModel | None = None
+) -> PosteriorDocument:
+    """Write `posterior.json` and `posterior.nc`.
+
+    Args:
+        found: the posterior.
+        folder: of the files.
+        solver: the same case by the engine that judges the others, which runs at some draws; None:
+            it has found the posterior itself.
+    """
     document = document_of(found)
+    if solver is not None and (runs := found.inference.settings.confirming_runs):
+        numbers, lines = confirmed(found, solver, runs)
+        remarks = [*document.remarks, *lines]
+        document = document.model_copy(update={"confirmation": numbers, "remarks": remarks})
     write_json(folder / FILE_NAME, document.model_dump(mode="json"))
     save_draws(draws_of(found), folder / DRAWS)
     return document
