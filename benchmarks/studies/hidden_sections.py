@@ -16,6 +16,7 @@ What is simulated is kept in `hidden_sections.json`; the study resumes where it 
 from __future__ import annotations
 
 import argparse
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ STATED = {
 }
 HEIGHT_SHARE = 0.05
 NOMINAL = (0.5, 0.8, 0.9)
-PRIOR_DRAWS, DRAWS = 2**15, 2000
+PRIOR_DRAWS, DRAWS = 2**13, 2000
 #: Runs between two savings.
 SAVED_EVERY = 32
 
@@ -75,9 +76,9 @@ def _height() -> dict[str, Any]:
 def model_of_all(runs: Path) -> CaseModel:
     """Runs over the family that holds all of the twins'."""
     folder, file = runs / "all_twins", runs / "all_twins.yaml"
-    if not folder.is_dir():
-        write_text(file, yaml_text(_plain(family_of_all())))
-        case_of_dimensions(str(folder), str(file), SPACING_M)
+    shutil.rmtree(folder, ignore_errors=True)
+    write_text(file, yaml_text(_plain(family_of_all())))
+    case_of_dimensions(str(folder), str(file), SPACING_M)
     return CaseModel(varied_case(inversion_case(load_case(folder))), RunStore(runs, threads=1))
 
 
