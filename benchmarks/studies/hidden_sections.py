@@ -186,7 +186,7 @@ def table(record: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-STRENGTH = "residual_strength_liquefied"
+STRENGTH = "residual_strength_liquefied_soil"
 
 
 def _covered(twins: list[dict[str, Any]], name: str) -> list[Coverage]:

@@ -23,7 +23,7 @@ from geometry.random_scenes.standing_dam import DENSITY, POOL
 from geometry.scenes.scene import Scene
 
 Point = tuple[float, float]
-LIQUEFIED, FILL = "liquefied", "fill"
+LIQUEFIED, FILL = "liquefied_soil", "fill"
 
 _RANDOM_DAMS = "the range of our random dams, which holds the San Fernando dams and La Marquesa"
 _ASSUMED = "assumed"

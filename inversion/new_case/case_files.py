@@ -54,12 +54,21 @@ class Runout:
 
 @dataclass(frozen=True)
 class CaseWords:
-    """Facts of the case used in the texts: its name, the drawing, upstream, the survey's error."""
+    """Facts of the case used in the texts.
+
+    Attributes:
+        name: of the case.
+        section_file: where its section comes from.
+        upstream: side.
+        profile_std_m: of the survey [m]; None: no profile.
+        sourced: every number has its source already.
+    """
 
     name: str
     section_file: str
     upstream: Side
     profile_std_m: float | None
+    sourced: bool = False
 
     @property
     def title(self) -> str:
@@ -81,7 +90,12 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
         "name": (
             f"{words.title}: the section before the slide. Keys: docs/method/geometry.md. "
             "Lengths in m.\n"
-            f"{FILL_IN}: where the section, the strengths and the water come from, in README.md."
+            + (
+                "README.md says where the numbers come from."
+                if words.sourced
+                else f"{FILL_IN}: where the section, the strengths and the water come from, in "
+                "README.md."
+            )
         ),
         "domain": (
             "Room for the slide; open walls give way where more is needed. left, right: far where "
@@ -108,7 +122,7 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
             parts.append(f"{key}:\n{block}")
         else:
             parts.append(_dump({key: value}))
-    if "water_level" not in document:
+    if "water_level" not in document and not words.sourced:
         parts.append(
             _comment(
                 f"No water. {FILL_IN} if there was some: water_level: 12.5, and phreatic_line."

@@ -64,7 +64,7 @@ def case_of_dimensions(name: str, file: str, spacing_m: float | None = None) -> 
     family = SectionFamily(stated)
     scene = median_section(family, folder.name, spacing_m)
     upstream: Side = "right" if stated.slid_face == "downstream" else "left"
-    words = CaseWords(folder.name, FILE_NAME, upstream, None)
+    words = CaseWords(folder.name, FILE_NAME, upstream, None, sourced=True)
     write_case(
         folder,
         {

@@ -57,6 +57,7 @@ def test_the_folder_checks_and_says_what_it_takes(made, case, capsys):
     assert (toe.std, toe.confidence, toe.source) == (1.0, "published", "a paper")
     assert (duration.std, duration.confidence) == (3.0, "recalled")
     assert list(case.setup.targets.fitted) == [True, True]
+    assert not [path for path in made.iterdir() if "FILL IN" in path.read_text()]
     readme = (made / "README.md").read_text()
     assert "| slope of the slid face | 2.2 ± 0.11 h:v | read, a thesis |" in readme
 
