@@ -140,7 +140,7 @@ class SectionFamily:
         wanted = self.document(scene, {})
         mine = scene.model_dump()
         keys = ("zones", "materials", "water_level", "phreatic_line")
-        return all(wanted[key] == mine[key] for key in keys)
+        return all(_alike(wanted[key], mine[key]) for key in keys)
 
     def document(self, base: Scene, scores: Mapping[str, float]) -> dict[str, Any]:
         """The document of a section of the family; not checked yet.
@@ -283,3 +283,14 @@ def _slopes(values: Mapping[str, float], crest: float) -> tuple[float, float]:
 
 def _rounded(points: Sequence[Point]) -> list[Point]:
     return [(round(x, 4), round(y, 4)) for x, y in points]
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Parts of two documents are the same, numbers to within a millimetre or its like."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-3)
+    return bool(one == other)
