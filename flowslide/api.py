@@ -512,15 +512,17 @@ def posterior(
         )
         chosen = untrained_engine(asked, engine)
         store = chosen.store_of(asked.folder, asked.setup, run.store(folder))
+        varied = varied_case(asked, store.refused)
+        solver = None if chosen.effects else CaseModel(varied, run.store(folder))
         inference = Inference(
-            CaseModel(varied_case(asked, store.refused), store, chosen),
+            CaseModel(varied, store, chosen),
             asked.setup.targets,
             asked.config.posterior,
             run.watch,
         )
         with working_in(folder):
             with store.workers():
-                document = save_all(inference.run(), folder)
+                document = save_all(inference.run(), folder, solver)
             write_posterior(folder)
             return document
 

@@ -333,6 +333,12 @@ class PosteriorSettings(Settings):
     fine_runs: int = Field(
         24, ge=4, le=512, description="pairs of coarse and fine runs there, for the correction"
     )
+    confirming_runs: int = Field(
+        8,
+        ge=0,
+        le=128,
+        description="of mpm at draws of the posterior of a learned engine; 0: none",
+    )
     live_points: int = Field(500, ge=50, description="of the nested sampler")
     draws: int = Field(4000, ge=200, le=100_000, description="from the posterior that are kept")
     seed: int = Field(0, ge=0, description="of designs, sampler and draws")

@@ -12,6 +12,7 @@ from inversion.engines.registry import engine_named
 from inversion.posterior.document import PosteriorDocument, PredictedNumber, load_posterior
 from inversion.posterior.draws import Draws, load_draws
 from report.charts.corner import draw_corner
+from report.charts.hidden_section import draw_hidden_section
 from report.charts.posterior import draw_before_after, draw_predicted, draw_shares
 from report.numbers import number, plural, with_unit
 from report.page import Section, folded, said, shown, tabulated, write_page
@@ -51,6 +52,7 @@ def summary(document: PosteriorDocument) -> str:
         tables.predicted_table(document).text(without=["before the data"]),
         *(table.text() for table in tables.share_tables(document)),
         tables.nuisance_table(document).text(without=["prior"]),
+        tables.confirmation_table(document).text() if document.confirmation else "",
         "\n".join(map(plain, [evidence_sentence(document), *_cells(document), *document.remarks])),
     ]
     return "\n\n".join(part for part in parts if part)
@@ -166,6 +168,18 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
             ],
         ),
         Section(
+            "Sections",
+            [
+                *shown(
+                    draw_hidden_section(document, draws, folder / "sections.svg"),
+                    "Outlines of sections before and after the data.",
+                    "Nobody drew the section: it is unknown as its dimensions are. Each outline "
+                    "is one that these allow, shaded where it liquefied; the line at the left is "
+                    "the measured toe. Below, each dimension with where its numbers come from.",
+                )
+            ],
+        ),
+        Section(
             "Before and after",
             [
                 *shown(
@@ -180,7 +194,11 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
             "How it was made",
             [
                 *said([f"{_runs_words(document)}.", *document.remarks]),
-                *tabulated(tables.emulator_table(document), tables.other_ways_table(document)),
+                *tabulated(
+                    tables.emulator_table(document),
+                    tables.other_ways_table(document),
+                    tables.confirmation_table(document),
+                ),
             ],
         ),
     ]

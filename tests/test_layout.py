@@ -25,7 +25,9 @@ ALLOWED = {"pipeline": set()} | {
 # The rooms of a package; a room loads only rooms to its left. Imports inside a function
 # (the factory of an engine, a drawing) is a choice made while the program runs and is left out.
 ROOMS = {
-    "geometry": ["terrain", "scenes", "scenes3d", "random_scenes", "survey", "survey3d"],
+    "geometry": [
+        "terrain", "scenes", "scenes3d", "random_scenes", "dimensions", "survey", "survey3d",
+    ],
     "mpm_taichi": ["materials", "effects", "solver", "solver3d"],
     "gns": ["data", "network", "rollout", "evaluation", "training", "direct"],
     "inversion": [

@@ -22,7 +22,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"name of the case, made in {CASES}/; or a folder, recognised by a slash in it",
     )
-    parser.add_argument("--section", required=True, metavar="FILE", help="the drawing")
+    known = parser.add_mutually_exclusive_group(required=True)
+    known.add_argument("--section", metavar="FILE", help="the drawing")
+    known.add_argument(
+        "--dimensions",
+        metavar="FILE",
+        help="a few numbers of a slide that nobody drew: height, slope, ..., runout; the options "
+        "of a drawing do not go with it",
+    )
     parser.add_argument(
         "--format",
         choices=("csv", "geojson", "dxf", "f2grid", "gsz"),
@@ -56,6 +63,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Make the folder, check it as a back-analysis would, and say what comes next."""
+    if arguments.dimensions is not None:
+        _from_dimensions(arguments)
+    else:
+        _from_drawing(arguments)
+
+
+def _from_dimensions(arguments: argparse.Namespace) -> None:
+    from inversion.new_case.from_dimensions import case_of_dimensions, distribution_words
+
+    _refuse_options_of_drawings(arguments)
+    made = case_of_dimensions(arguments.case, arguments.dimensions, arguments.spacing)
+    print(f"wrote {made.folder}: a family of sections, {len(made.dimensions)} unknown dimensions")
+    for one in made.dimensions:
+        print(f"  {one.label}: {distribution_words(one)} ({one.source})")
+    for line in made.doubts:
+        print(f"  doubtful: {line}")
+    print_doubts(made.scene)
+    typed = shlex.quote(str(made.folder))
+    print("Next:")
+    print(f"  flowslide show {typed} --out {made.folder.name}.png")
+    print(f"  flowslide posterior {typed}")
+
+
+def _refuse_options_of_drawings(arguments: argparse.Namespace) -> None:
+    """An option of a drawing would change nothing of a slide that nobody drew."""
+    from pipeline.cli import InputError
+
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    defaults = vars(parser.parse_args(["x", "--section", "x"]))
+    for name in defaults.keys() - {"case", "section", "dimensions", "spacing"}:
+        if getattr(arguments, name) != defaults[name]:
+            option = name.replace("_", "-")
+            raise InputError(f"--{option}: belongs to a drawing, not to --dimensions")
+
+
+def _from_drawing(arguments: argparse.Namespace) -> None:
     from pathlib import Path
 
     from inversion.new_case.make_case import Given, make_case

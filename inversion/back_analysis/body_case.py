@@ -22,6 +22,7 @@ from inversion.problem.question import (
     FILE_NAME,
     Question,
     Sensitivity,
+    UnknownDimension,
     Variant,
     ZoneBoundary,
     load_question,
@@ -80,7 +81,7 @@ class BodyCase(Asked):
 
     def lacks(self, entry: Variant | Sensitivity) -> str:
         """See `Asked`."""
-        if isinstance(entry, ZoneBoundary):
+        if isinstance(entry, ZoneBoundary | UnknownDimension):
             return f"kind {entry.kind}: {LEFT_OUT}"
         if isinstance(entry, Variant) and (
             changed := [name for name in OF_SECTIONS if getattr(entry, name)]

@@ -13,7 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from geometry.case import Case, load_case
+from geometry.case import SCENE_FILE, Case, load_case
+from geometry.dimensions.family import SectionFamily
+from geometry.dimensions.stated import FILE_NAME as DIMENSIONS_FILE
+from geometry.dimensions.stated import load_dimensions
 from geometry.scenes.fill import point_count
 from inversion.back_analysis.asked import Asked, fit_of
 from inversion.back_analysis.variants import apply_changes
@@ -23,7 +26,7 @@ from inversion.estimation.forward import SectionSetup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.changes import Changes, on_top
 from inversion.problem.layers import with_relation_priors
-from inversion.problem.question import FILE_NAME, Question, load_question
+from inversion.problem.question import FILE_NAME, Question, UnknownDimension, load_question
 from pipeline.cli import InputError
 
 
@@ -100,7 +103,12 @@ def inversion_case(
         use_constructed=use_constructed,
     )
     setup = SectionSetup(
-        case.scene, case.simulation, Parameters(question.parameters), targets, case.feet
+        case.scene,
+        case.simulation,
+        Parameters(question.parameters),
+        targets,
+        case.feet,
+        family=_family(case, question),
     )
     asked = case.extended(
         InversionCase, question=question, setup=setup, use_constructed=use_constructed
@@ -110,6 +118,33 @@ def inversion_case(
             asked.variant(variant)
         _ = asked.sensitivities, asked.waterfall
     return asked
+
+
+def _family(case: Case, question: Question) -> SectionFamily | None:
+    """The family of the section where some of its dimensions are unknown; None: it was drawn.
+
+    Raises:
+        InputError: a dimension that the family does not have, or a `scene.yaml` that is not its
+            median section; one line.
+    """
+    unknown = [one for one in question.sensitivities if isinstance(one, UnknownDimension)]
+    if not unknown:
+        return None
+    family = SectionFamily(load_dimensions(case.folder))
+    where = f"{case.folder / FILE_NAME}: sensitivities"
+    for one in unknown:
+        if one.dimension not in family.keys:
+            raise InputError(
+                f"{where}: {one.name}: dimension: no {one.dimension!r}; {DIMENSIONS_FILE} has "
+                f"{', '.join(family.keys)}"
+            )
+    if not family.has_median(case.drawn):
+        raise InputError(
+            f"{case.folder / SCENE_FILE}: is not the median section of {DIMENSIONS_FILE}; make the "
+            "case again with flowslide new --dimensions, or take the sensitivities of kind "
+            "dimension out"
+        )
+    return family
 
 
 @dataclass(frozen=True)

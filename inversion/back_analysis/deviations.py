@@ -15,12 +15,14 @@ from typing import TypeVar
 import numpy as np
 from pydantic import ValidationError
 
+from geometry.dimensions.stated import FILE_NAME as FAMILY_FILE
 from geometry.scenes.scene import Scene, document_error, scene_from_mapping
 from geometry.scenes3d.scene3d import Terrain
 from inversion.engines.body_setup import BodySetup
 from inversion.estimation.forward import SectionSetup, Setup
 from inversion.problem.question import (
     FixedProperty,
+    UnknownDimension,
     WaterLevel,
     ZoneBoundary,
     material_key,
@@ -28,7 +30,7 @@ from inversion.problem.question import (
 from inversion.problem.scene_changes import SAME_PLACE_M, Soil, pool_at, with_properties
 from pipeline.cli import InputError
 
-Uncertain = ZoneBoundary | WaterLevel | FixedProperty
+Uncertain = ZoneBoundary | WaterLevel | UnknownDimension | FixedProperty
 """A sensitivity that has a standard deviation."""
 AnySetup = TypeVar("AnySetup", bound=Setup)
 LEFT_OUT = "not available in three dimensions"
@@ -46,7 +48,8 @@ def deviating(
             dimensions do not have it.
     """
     if isinstance(setup, SectionSetup):
-        section = _with_boundaries(setup.scene, uncertain, scores, where)
+        section = _with_dimensions(setup, uncertain, scores, where)
+        section = _with_boundaries(section, uncertain, scores, where)
         if (rise := _rise(uncertain, scores)) is not None:
             assert setup.scene.water_level is not None
             level = setup.scene.water_level + rise
@@ -54,7 +57,7 @@ def deviating(
         return setup.with_scene(_other_soil(section, setup.scene, uncertain, scores, where))
     assert isinstance(setup, BodySetup)
     for one in uncertain:
-        if isinstance(one, ZoneBoundary):
+        if isinstance(one, ZoneBoundary | UnknownDimension):
             raise InputError(f"{where}: kind {one.kind}: {LEFT_OUT}")
     soil = setup.scene.soil
     if (rise := _rise(uncertain, scores)) is not None:
@@ -63,6 +66,22 @@ def deviating(
         soil = soil.model_copy(update={"water_level": soil.water_level + rise})
     soil = _other_soil(soil, setup.scene.soil, uncertain, scores, where)
     return replace(setup, scene=setup.scene.with_soil(soil))
+
+
+def _with_dimensions(
+    setup: SectionSetup, uncertain: Sequence[Uncertain], scores: Sequence[float], where: str
+) -> Scene:
+    """Another section of the family; a dimension that is not uncertain keeps its median."""
+    given = {
+        one.dimension: score
+        for one, score in zip(uncertain, scores, strict=True)
+        if isinstance(one, UnknownDimension)
+    }
+    if not given:
+        return setup.scene
+    if setup.family is None:
+        raise InputError(f"{where}: the section was drawn; there is no {FAMILY_FILE}")
+    return scene_from_mapping(setup.family.document(setup.scene, given), where)
 
 
 def _rise(uncertain: Sequence[Uncertain], scores: Sequence[float]) -> float | None:

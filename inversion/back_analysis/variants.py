@@ -39,6 +39,7 @@ from inversion.problem.question import (
     Sensitivity,
     Target,
     TimeStep,
+    UnknownDimension,
     Variant,
     WaterLevel,
     ZoneBoundary,
@@ -277,7 +278,7 @@ def sides(setup: AnySetup, sensitivity: Sensitivity, source: str) -> list[Change
     """The setups of a sensitivity: one, or one for each sense of a standard deviation."""
     where = f"{source}: sensitivities: {sensitivity.name}"
     match sensitivity:
-        case ZoneBoundary() | WaterLevel() | FixedProperty():
+        case ZoneBoundary() | WaterLevel() | UnknownDimension() | FixedProperty():
             return _deviation(setup, sensitivity, where)
         case CellSize():
             spacing = setup.scene.spacing * sensitivity.factor
@@ -304,6 +305,8 @@ def _deviation(setup: AnySetup, sensitivity: Uncertain, where: str) -> list[Chan
             _refuse_sought_level(setup, where)
         case FixedProperty():
             _refuse_calibrated(setup, sensitivity, where)
+        case UnknownDimension():
+            pass
     found = []
     for sense in senses:
         words, what = _deviation_words(soil, sensitivity, sense)
@@ -324,6 +327,8 @@ def _deviation_words(
         case WaterLevel():
             assert soil.water_level is not None
             return f"pool at {soil.water_level + sense * sensitivity.std_m:g} m", ""
+        case UnknownDimension():
+            return f"one standard deviation {'above' if sense > 0 else 'below'} its median", ""
     what = f"{sensitivity.property} {sense * sensitivity.std:+g}"
     words = f"{what} in zones {', '.join(sensitivity.zones)}"
     key = material_key(sensitivity.property)

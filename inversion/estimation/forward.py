@@ -18,6 +18,7 @@ from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
+from geometry.dimensions.family import SectionFamily
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.scenes3d.scene3d import Scene3d
 from geometry.sides import Side
@@ -96,6 +97,7 @@ class SectionSetup(Setup):
         foot: where the section ended before the slide, x [m] by side.
         also_read: further measurements that are read as a run ends, which keeps no history.
         height_over_width: H/B of a slide between flanks, for `finite_width`; 0: plane strain.
+        family: of the sections that this one is of, where nobody drew it; None: it was drawn.
     """
 
     scene: Scene
@@ -103,6 +105,7 @@ class SectionSetup(Setup):
     foot: Mapping[Side, float]
     also_read: tuple[Measured, ...] = ()
     height_over_width: float = 0.0
+    family: SectionFamily | None = None
 
     def scene_at(self, values: np.ndarray) -> Scene:
         """The section with values (p,) of the parameters put in."""

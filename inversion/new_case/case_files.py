@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from geometry.dimensions.family import Dimension
 from geometry.random_scenes.materials import GRAVITY
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.sides import Side
@@ -53,12 +54,21 @@ class Runout:
 
 @dataclass(frozen=True)
 class CaseWords:
-    """Facts of the case used in the texts: its name, the drawing, upstream, the survey's error."""
+    """Facts of the case used in the texts.
+
+    Attributes:
+        name: of the case.
+        section_file: where its section comes from.
+        upstream: side.
+        profile_std_m: of the survey [m]; None: no profile.
+        sourced: every number has its source already.
+    """
 
     name: str
     section_file: str
     upstream: Side
     profile_std_m: float | None
+    sourced: bool = False
 
     @property
     def title(self) -> str:
@@ -80,7 +90,12 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
         "name": (
             f"{words.title}: the section before the slide. Keys: docs/method/geometry.md. "
             "Lengths in m.\n"
-            f"{FILL_IN}: where the section, the strengths and the water come from, in README.md."
+            + (
+                "README.md says where the numbers come from."
+                if words.sourced
+                else f"{FILL_IN}: where the section, the strengths and the water come from, in "
+                "README.md."
+            )
         ),
         "domain": (
             "Room for the slide; open walls give way where more is needed. left, right: far where "
@@ -107,7 +122,7 @@ def scene_file_text(scene: Scene, words: CaseWords) -> str:
             parts.append(f"{key}:\n{block}")
         else:
             parts.append(_dump({key: value}))
-    if "water_level" not in document:
+    if "water_level" not in document and not words.sourced:
         parts.append(
             _comment(f"{FILL_IN} if there was water: water_level, such as 12.5, and phreatic_line.")
         )
@@ -166,12 +181,13 @@ def measurements_text(
     return text
 
 
-def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
+def inversion_text(scene: Scene, toes: Sequence[str], dimensions: Sequence[Dimension] = ()) -> str:
     """`inversion.yaml`: S_r of every liquefied material, fitted to the toes.
 
     Args:
         scene: with a liquefied material at least.
         toes: names of the measured runouts; none: all that is measured is fitted.
+        dimensions: of a section that nobody drew; none: it was drawn.
     """
     text = _comment("What is asked of this case. Keys: docs/method/inversion.md.")
     text += "parameters:\n"
@@ -210,7 +226,7 @@ def inversion_text(scene: Scene, toes: Sequence[str]) -> str:
         "misfit: all of `fit`, standardised\n"
     )
     text += _variants(scene)
-    return text + _sensitivities(scene)
+    return text + _sensitivities(scene, dimensions)
 
 
 def strength_bounds(scene: Scene) -> tuple[float, float]:
@@ -315,9 +331,35 @@ def _variants(scene: Scene) -> str:
     return text
 
 
-def _sensitivities(scene: Scene) -> str:
+def _sensitivities(scene: Scene, dimensions: Sequence[Dimension]) -> str:
     """Sensitivities, one standard deviation each; only those possible in this section."""
     text = _comment("What else moves the answer, one standard deviation each.") + "sensitivities:\n"
+    text += _section_lines(scene) if not dimensions else _dimension_lines(dimensions)
+    if scene.head_falls:
+        text += (
+            "  - {name: water that stays where it was, kind: simulation, "
+            "simulation: {water_face: fixed}}\n"
+        )
+    if _bears(scene, 2.0):
+        text += "  - {name: cell size, kind: cell_size, factor: 2.0}\n"
+    else:
+        text += (
+            "  - {name: cell size, kind: cell_size, factor: 0.75}   # a zone is too thin for 2\n"
+        )
+    text += "  - {name: time step, kind: time_step, factor: 0.5}\n"
+    return text + "  - {name: transfer, kind: simulation, simulation: {transfer: flip}}\n"
+
+
+def _dimension_lines(dimensions: Sequence[Dimension]) -> str:
+    """Each dimension of a section that nobody drew; their numbers are in its file."""
+    return "".join(
+        f"  - {{name: {one.label}, kind: dimension, dimension: {one.key}}}\n" for one in dimensions
+    )
+
+
+def _section_lines(scene: Scene) -> str:
+    """What is uncertain of a drawn section."""
+    text = ""
     zone = next(z for z in scene.zones if scene.materials[z.material].liquefied)
     top = max(y for _, y in zone.polygon)
     # One corner alone would tilt a level top.
@@ -334,19 +376,7 @@ def _sensitivities(scene: Scene) -> str:
     )
     if _pool_may_move(scene, LEVEL_STD):
         text += f"  - {{name: water level, kind: water_level, std_m: {LEVEL_STD}}}   # assumed\n"
-    if scene.head_falls:
-        text += (
-            "  - {name: water that stays where it was, kind: simulation, "
-            "simulation: {water_face: fixed}}\n"
-        )
-    if _bears(scene, 2.0):
-        text += "  - {name: cell size, kind: cell_size, factor: 2.0}\n"
-    else:
-        text += (
-            "  - {name: cell size, kind: cell_size, factor: 0.75}   # a zone is too thin for 2\n"
-        )
-    text += "  - {name: time step, kind: time_step, factor: 0.5}\n"
-    return text + "  - {name: transfer, kind: simulation, simulation: {transfer: flip}}\n"
+    return text
 
 
 def _bears(scene: Scene, factor: float) -> bool:

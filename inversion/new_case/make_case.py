@@ -113,7 +113,7 @@ def make_case(name: str, given: Given) -> NewCase:
     Raises:
         InputError: one line: what is missing or wrong; nothing is written then.
     """
-    folder = _folder(name)
+    folder = new_folder(name)
     section = read_section(given.section, given.format)
     scene = _scene(section, given, folder.name)
     profile = None if given.profile is None else load_profile(given.profile)
@@ -131,7 +131,7 @@ def make_case(name: str, given: Given) -> NewCase:
     return NewCase(folder, scene, runouts, reading(section, given.unit))
 
 
-def _folder(text: str) -> Path:
+def new_folder(text: str) -> Path:
     """The folder to make; refused where it is there already or could be no target of snakemake."""
     folder = CASES / text if os.sep not in text else Path(text)
     if not NAME.fullmatch(folder.name):
@@ -298,8 +298,8 @@ def _write(
     profile: Profile | None,
     words: CaseWords,
 ) -> None:
-    """Write the files next to their place, load them as an inversion does, and put them there."""
-    texts: dict[str, str] = {
+    """Write the files of a drawn section."""
+    texts = {
         "scene.yaml": scene_file_text(scene, words),
         "README.md": readme_text(scene, runouts, profile, words),
     }
@@ -307,6 +307,17 @@ def _write(
         toes = [toe_name(runout) for runout in runouts]
         texts["measurements.yaml"] = measurements_text(scene, runouts, profile, words)
         texts["inversion.yaml"] = inversion_text(scene, toes)
+    if profile is not None:
+        texts[PROFILE_FILE] = profile_text(profile, words)
+    write_case(folder, texts)
+
+
+def write_case(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files next to their place, load them as an inversion does, and put them there.
+
+    Raises:
+        InputError: the folder cannot be written, or the case does not hold together; one line.
+    """
     parent = make_folder(folder.parent)
     try:
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=parent))
@@ -315,12 +326,9 @@ def _write(
     try:
         for name, text in texts.items():
             (temporary / name).write_text(text, encoding="utf-8")
-        if profile is not None:
-            text = profile_text(profile, words)
-            (temporary / PROFILE_FILE).write_text(text, encoding="utf-8")
         try:
             case = load_case(temporary)
-            if runouts:
+            if "inversion.yaml" in texts:
                 inversion_case(case)
         except InputError as error:
             raise InputError(str(error).replace(str(temporary), str(folder))) from None

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from geometry.dimensions.stated import SlideDimensions
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role
 from pipeline.config import validate_settings
@@ -48,6 +49,9 @@ class UnknownAnswer(StrictDocument):
     )
     property: str = Field(description="of a parameter, as in inversion.yaml; else empty")
     zones: list[str] = Field(description="of a parameter; else none")
+    dimension: str = Field(
+        "", description="key in dimensions.yaml, of a section that nobody drew; else empty"
+    )
     unit: str = Field(description="kPa, deg, kg/m3, m; std: in standard deviations about 0")
     prior: str = Field(description="in words")
     before: Spread
@@ -101,6 +105,16 @@ class Evidence(StrictDocument):
     information_nats: float = Field(description="how much the data narrow the prior")
 
 
+class ConfirmedNumber(StrictDocument):
+    """A fitted number by the solver at draws of a posterior that a learned model found."""
+
+    name: str
+    runs: int = Field(description="draws that were simulated and could be read")
+    difference: float = Field(description="mean of the solver's less the predicted number")
+    scatter: float = Field(description="standard deviation of that difference")
+    stated_std: float = Field(description="error of model and emulator that was reckoned with")
+
+
 class RunCounts(StrictDocument):
     """Simulations behind the emulator."""
 
@@ -133,7 +147,14 @@ class PosteriorDocument(StrictDocument):
         description="what turned strengths of runs into all of those told here, its error among "
         "theirs; null: they are as the runs had them",
     )
+    section: SlideDimensions | None = Field(
+        None, description="what is stated of a section that nobody drew; null: it was drawn"
+    )
     correlation: list[list[float]] = Field(description="of the unknowns after the data")
+    confirmation: list[ConfirmedNumber] = Field(
+        default_factory=list,
+        description="of a learned model: runs of the solver at draws of the posterior",
+    )
     evidence: Evidence
     runs: RunCounts
     remarks: list[str]

@@ -20,8 +20,12 @@ from typing import Any
 
 import numpy as np
 
+from geometry.dimensions.stated import SlideDimensions
 from inversion import PHYSICS_VERSION
+from inversion.back_analysis.asked import Asked
 from inversion.engines.small_cells import NAME as CELLS
+from inversion.estimation.forward import SectionSetup
+from inversion.posterior.confirmation import confirmed
 from inversion.posterior.document import (
     FILE_NAME,
     Evidence,
@@ -52,9 +56,22 @@ COMPONENTS = 3
 DISAGREE = 3.0
 
 
-def save_all(found: Inferred[CaseModel], folder: Path) -> PosteriorDocument:
-    """Write `posterior.json` and `posterior.nc`."""
+def save_all(
+    found: Inferred[CaseModel], folder: Path, solver: CaseModel | None = None
+) -> PosteriorDocument:
+    """Write `posterior.json` and `posterior.nc`.
+
+    Args:
+        found: the posterior.
+        folder: of the files.
+        solver: the same case by the engine that judges the others, which runs at some draws; None:
+            it has found the posterior itself.
+    """
     document = document_of(found)
+    if solver is not None and (runs := found.inference.settings.confirming_runs):
+        numbers, lines = confirmed(found, solver, runs)
+        remarks = [*document.remarks, *lines]
+        document = document.model_copy(update={"confirmation": numbers, "remarks": remarks})
     write_json(folder / FILE_NAME, document.model_dump(mode="json"))
     save_draws(draws_of(found), folder / DRAWS)
     return document
@@ -109,6 +126,7 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
             for name, change in inference.otherwise.items()
         },
         small_cells=inference.cells,
+        section=_stated_section(case),
         correlation=[[_round(r) for r in row] for row in _correlation(found.told)],
         evidence=Evidence(
             log_evidence=_round(sampled.log_evidence),
@@ -134,6 +152,13 @@ def document_of(found: Inferred[CaseModel]) -> PosteriorDocument:
         timings={name: round(time, 2) for name, time in inference.timings.items()},
         manifest=manifest(case.config, seeds={"posterior": inference.settings.seed}),
     )
+
+
+def _stated_section(case: Asked) -> SlideDimensions | None:
+    """What is stated of a section that nobody drew; None: it was drawn."""
+    setup = case.setup
+    family = setup.family if isinstance(setup, SectionSetup) else None
+    return None if family is None else family.stated
 
 
 def spread(draws: np.ndarray) -> Spread:
@@ -204,6 +229,7 @@ def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
         kind="parameter" if is_parameter else "nuisance",
         property="" if spec is None else spec.property,
         zones=[] if spec is None else list(spec.zones),
+        dimension="" if is_parameter else model.varied.dimension_of(place),
         unit=unknown.unit,
         prior=_prior_words(unknown),
         before=spread(before),
@@ -293,6 +319,11 @@ def _correction(coarse: np.ndarray, fine: np.ndarray) -> tuple[float, float] | N
 
 
 def _prior_words(unknown: Unknown) -> str:
+    words = _distribution_words(unknown)
+    return f"{words}; {unknown.source}" if unknown.source else words
+
+
+def _distribution_words(unknown: Unknown) -> str:
     low, high = (np.exp(t) if unknown.logarithmic else t for t in (unknown.low, unknown.high))
     cut = f"{low:.3g} to {high:.3g}"
     if unknown.normal is None:

@@ -9,15 +9,17 @@ distribution; they enter as errors (`inversion.posterior.runs.CaseModel.other_wa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from geometry.dimensions.family import Dimension
 from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.deviations import Uncertain, deviating
-from inversion.estimation.forward import Setup
+from inversion.estimation.forward import SectionSetup, Setup
 from inversion.problem.question import (
     LOGARITHMIC,
     RESIDUAL_STRENGTH,
@@ -25,6 +27,7 @@ from inversion.problem.question import (
     UNITS,
     FixedProperty,
     ParameterSpec,
+    UnknownDimension,
     WaterLevel,
     ZoneBoundary,
 )
@@ -50,6 +53,7 @@ class Unknown:
         low: of t.
         high: of t.
         normal: mean and standard deviation of t; None: uniform.
+        source: where the prior comes from, in words; empty: from the question.
     """
 
     name: str
@@ -59,6 +63,7 @@ class Unknown:
     low: float
     high: float
     normal: tuple[float, float] | None = None
+    source: str = ""
 
     @property
     def strength(self) -> bool:
@@ -159,14 +164,50 @@ class VariedCase:
         boundary = [isinstance(nuisance, ZoneBoundary) for nuisance in self.nuisances]
         return np.array([False] * self.parameters + boundary)
 
+    def dimension_of(self, place: int) -> str:
+        """Key of a dimension among the unknowns; empty: another nuisance."""
+        nuisance = self.nuisances[place - self.parameters]
+        return nuisance.dimension if isinstance(nuisance, UnknownDimension) else ""
+
+    def _score(self, nuisance: Uncertain, value: float) -> float:
+        """Standard score of a nuisance; a dimension is known by its value."""
+        if isinstance(nuisance, UnknownDimension):
+            return _dimension(self.case, nuisance).score(float(value))
+        return float(value)
+
     def setup(self, values: np.ndarray) -> Setup:
         """The question with the nuisances among values (q,) put into its scene.
 
         Raises:
             InputError: the scene does not hold together there.
         """
-        scores = values[self.parameters :].tolist()
+        scores = [
+            self._score(nuisance, value)
+            for nuisance, value in zip(self.nuisances, values[self.parameters :], strict=True)
+        ]
         return deviating(self.case.setup, self.nuisances, scores, self.case.source)
+
+
+def unknown_dimension(name: str, dimension: Dimension) -> Unknown:
+    """A dimension of a section that nobody drew as an unknown, in its own unit."""
+    low, high, normal = dimension.low, dimension.high, dimension.normal
+    if normal is not None:
+        low, high, normal = math.log(low), math.log(high), (math.log(normal[0]), normal[1])
+    return Unknown(
+        name,
+        dimension.label,
+        dimension.unit,
+        normal is not None,
+        low,
+        high,
+        normal,
+        dimension.source,
+    )
+
+
+def _dimension(case: Asked, sensitivity: UnknownDimension) -> Dimension:
+    assert isinstance(case.setup, SectionSetup) and case.setup.family is not None
+    return case.setup.family[sensitivity.dimension]
 
 
 def varied_case(case: Asked, refused: Callable[[Setup], str] = lambda setup: "") -> VariedCase:
@@ -181,6 +222,11 @@ def varied_case(case: Asked, refused: Callable[[Setup], str] = lambda setup: "")
     available, remarks = case.sensitivities_of(refused)
     for sensitivity, _ in available:
         if not isinstance(sensitivity, Uncertain):
+            continue
+        if isinstance(sensitivity, UnknownDimension):
+            kept.append(sensitivity)
+            dimension = _dimension(case, sensitivity)
+            unknowns.append(unknown_dimension(sensitivity.name, dimension))
             continue
         low, high = (-FARTHEST, FARTHEST)
         if isinstance(sensitivity, ZoneBoundary):
@@ -225,5 +271,7 @@ def _words(sensitivity: Uncertain) -> str:
             return f"{sensitivity.name} (up to {far:.2g} m)"
         case WaterLevel():
             return f"{sensitivity.name} ({sensitivity.std_m:g} m)"
+        case UnknownDimension():
+            return sensitivity.name
         case FixedProperty():
             return f"{sensitivity.name} ({sensitivity.std:g} {UNITS[sensitivity.property]})"

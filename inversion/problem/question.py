@@ -288,6 +288,14 @@ class WaterLevel(Document):
     std_m: float = Field(gt=0, description="standard deviation of the level [m]")
 
 
+class UnknownDimension(Document):
+    """A dimension of a section that nobody drew: it has the distribution of `dimensions.yaml`."""
+
+    name: str = Field(min_length=1, description="in words; unique among the sensitivities")
+    kind: Literal["dimension"]
+    dimension: str = Field(description="a key of the family's dimensions, such as height_m")
+
+
 class CellSize(Document):
     """Another distance between the material points."""
 
@@ -340,7 +348,14 @@ class Target(Document):
 
 
 Sensitivity = Annotated[
-    ZoneBoundary | WaterLevel | CellSize | TimeStep | OtherSetting | FixedProperty | Target,
+    ZoneBoundary
+    | WaterLevel
+    | UnknownDimension
+    | CellSize
+    | TimeStep
+    | OtherSetting
+    | FixedProperty
+    | Target,
     Field(discriminator="kind"),
 ]
 

@@ -252,7 +252,7 @@ def _of_case(data: BackAnalysisData, case: Case) -> Iterator[Row]:
         yield Row(
             "phreatic line", f"{len(scene.phreatic_line)} points", source, how=checked(wet, waters)
         )
-    moved = [name for name, kind in kinds.items() if kind == "zone_boundary"]
+    moved = [name for name, kind in kinds.items() if kind in ("zone_boundary", "dimension")]
     yield Row(
         "outline of the section and of its zones",
         f"{len(scene.zones)} zones",

@@ -163,6 +163,22 @@ def emulator_table(document: PosteriorDocument) -> Table:
     return Table(header, rows)
 
 
+def confirmation_table(document: PosteriorDocument) -> Table:
+    """Runs of the solver at draws of a posterior that a learned model found."""
+    rows = [
+        [
+            one.name,
+            str(one.runs),
+            signed(one.difference, 2),
+            fixed(one.scatter, 2),
+            fixed(one.stated_std, 2),
+        ]
+        for one in document.confirmation
+    ]
+    header = ["number", "runs", "solver less model, mean", "scatter of it", "error reckoned with"]
+    return Table(header, rows, "by the solver at draws of the posterior")
+
+
 def other_ways_table(document: PosteriorDocument) -> Table:
     """Errors of the model: other ways to simulate."""
     names, maps = [one.name for one in named(document)], of_maps(document)

@@ -20,6 +20,7 @@ from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import make_targets
 from inversion.posterior import gaussian_process
 from inversion.posterior.calibration import coverage, rank_of
+from inversion.posterior.confirmation import confirmed
 from inversion.posterior.draws import Draws, load_draws, save_draws
 from inversion.posterior.emulator import Warp, make_emulator
 from inversion.posterior.infer import Inference, at_shares, design, sample
@@ -646,3 +647,16 @@ def test_the_command_leaves_all_files_and_goes_on_where_it_stopped(lsfd, tmp_pat
     again = load_posterior(out)
     assert again.runs.simulated_now == 0
     assert again.unknowns == document.unknowns and again.numbers == document.numbers
+
+
+@pytest.mark.slow
+def test_the_solver_is_asked_at_draws_of_a_learned_posterior():
+    """Where it agrees nothing is said; 30 m farther is more than the model's 3 m allow."""
+    found = infer(FormulaModel(runout, own_std=3.0))
+    ((one,), lines) = confirmed(found, FormulaModel(runout), 6)
+    assert one.runs == 6 and abs(one.difference) < 2.0 and not lines
+    assert one.stated_std == pytest.approx(3.0, abs=1.0)
+    ((one,), (line,)) = confirmed(found, FormulaModel(lambda v: runout(v) + 30.0), 6)
+    assert one.difference == pytest.approx(30.0, abs=2.0) and "ask the engine mpm" in line
+    numbers, (line,) = confirmed(found, FormulaModel(lambda v: np.nan * runout(v)), 6)
+    assert not numbers and "could be read" in line
