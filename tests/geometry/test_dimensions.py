@@ -17,7 +17,11 @@ from geometry.dimensions.stated import SlideDimensions, StatedNumber, load_dimen
 from geometry.random_scenes.sketch import signed_area
 from geometry.scenes.scene import scene_from_mapping
 from pipeline.cli import InputError
+from pipeline.places import ROOT
 from tests.budget import examples
+
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*_dimensions.yaml"))
+PAGE = ROOT / "docs" / "how-to" / "add-a-slide.md"
 
 FIVE = {
     "slid_face": "upstream",
@@ -80,6 +84,16 @@ def test_the_median_section_by_hand():
     assert scene.water_level == pytest.approx(20.0 * 0.615)
     assert scene.materials[LIQUEFIED].liquefied and scene.materials[FILL].friction_deg == 35.0
     assert scene.materials[FILL].density == scene.materials[LIQUEFIED].density == 1950.0
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_slides_of_the_page_have_sections(path):
+    stated = load_dimensions(path)
+    scene = median_section(SectionFamily(stated), path.stem)
+    height = stated.height_m.value or 0.5 * (stated.height_m.low + stated.height_m.high)
+    top = max(y for zone in scene.zones for _, y in zone.polygon)
+    assert top == pytest.approx(height, rel=0.01)
+    assert path.stem.removesuffix("_dimensions") in PAGE.read_text(encoding="utf-8")
 
 
 def test_a_section_is_that_of_the_medians_to_a_millimetre():
