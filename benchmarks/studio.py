@@ -14,7 +14,6 @@ Chromium.
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import shutil
 import subprocess
@@ -115,12 +114,13 @@ def started(
 
 
 def resident(process: int) -> float:
-    """Memory of a process and of those that it has started [MB]; of Linux alone."""
+    """Memory of a process and of those that it has started [MB], shared pages once; of Linux."""
     folder = Path(f"/proc/{process}")
-    pages = int((folder / "statm").read_text().split()[1])
+    lines = (folder / "smaps_rollup").read_text().splitlines()
+    own = next(1e-3 * float(line.split()[1]) for line in lines if line.startswith("Pss:"))
     started = (path.read_text().split() for path in folder.glob("task/*/children"))
     below = sum(resident(int(child)) for some in started for child in some)
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6 + below
+    return own + below
 
 
 def measure(server: int, address: str, picture: Path | None) -> None:
@@ -145,7 +145,7 @@ def measure(server: int, address: str, picture: Path | None) -> None:
         strength = page.get_by_label("S_r, liquefied fill [kPa]")
         seconds, first = [], []
         for move in range(MOVES):
-            strength.fill(f"{18.1 + 0.1 * move:g}")
+            strength.fill(f"{18.13 + 0.1 * move:.2f}")
             strength.press("Enter")
             seconds.append(answered(2 + move))
             first.append(float(page.locator("body").get_attribute("data-first") or "nan") / 1e3)

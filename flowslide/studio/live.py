@@ -31,7 +31,7 @@ from pipeline.files import content_hash
 from pipeline.progress import Cancelled
 
 #: Bytes of runs that are kept.
-KEPT_BYTES = 400e6
+KEPT_BYTES = 100e6
 #: How long a run may go on when a newer question of its page waits [s].
 PATIENCE_S = 1.5
 #: Points of a live run, some ten seconds of one core: others are jobs.

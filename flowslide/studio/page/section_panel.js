@@ -9,7 +9,7 @@ import { zoneColours } from "./view.js";
 import { poolSide, setPool, tableOfPool, waterWords } from "./water.js";
 
 const FIRST = ["friction_deg", "cohesion_kpa", "strength_ratio", "density"]; // fields of a material that are always shown
-const SIDES = { left: "left side alone", right: "right side alone", both: "both sides", drawn: "as the water table is drawn" };
+const SIDES = { left: "left side alone", right: "right side alone", both: "both sides", drawn: "as drawn" };
 const words = (name) => name.replaceAll("_", " ");
 
 /** `page` has documents, editor, faults, materials (forms), derived() (what the server found), underlay and say(words, bad). */
