@@ -513,7 +513,7 @@ def posterior(
         chosen = untrained_engine(asked, engine)
         store = chosen.store_of(asked.folder, asked.setup, run.store(folder))
         varied = varied_case(asked, store.refused)
-        solver = None if chosen.effects else CaseModel(varied, run.store(folder))
+        solver = CaseModel(varied, run.store(folder)) if chosen.is_learned else None
         inference = Inference(
             CaseModel(varied, store, chosen),
             asked.setup.targets,

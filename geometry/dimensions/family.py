@@ -153,7 +153,8 @@ class SectionFamily:
         shape = shape_of(values, self.stated.slid_face)
         for zone in document["zones"]:
             zone["polygon"] = shape.zones[zone["name"]]
-        document["water_level"], document["phreatic_line"] = shape.water(base.domain)
+        domain = _with_room(document, shape)
+        document["water_level"], document["phreatic_line"] = shape.water(domain)
         for soil in document["materials"].values():
             soil["density"] = round(values["density"], 4)
         document["materials"][FILL]["friction_deg"] = round(values["fill_friction_deg"], 4)
@@ -209,7 +210,7 @@ class Shape:
     pool_m: float | None
     pool_first: bool
 
-    def water(self, domain: Any) -> tuple[float | None, list[Point] | None]:
+    def water(self, domain: Mapping[str, Any]) -> tuple[float | None, list[Point] | None]:
         """Level and phreatic line from end to end of a domain; none without a pool.
 
         The line falls through the middle of the dam from a pool at the slid face, whose shell is
@@ -227,7 +228,19 @@ class Shape:
         else:
             falls = [(0.0, 0.0), (middle - FALLS[0] * height, level)]
         ends = (falls[0][1], falls[-1][1])
-        return level, _rounded([(domain.x_min, ends[0]), *falls, (domain.x_max, ends[1])])
+        return level, _rounded([(domain["x_min"], ends[0]), *falls, (domain["x_max"], ends[1])])
+
+
+def _with_room(document: dict[str, Any], shape: Shape) -> dict[str, Any]:
+    """The domain of a document, which a section that is wider or higher makes larger."""
+    domain = document["domain"]
+    foot, height = shape.zones[FILL][1][0], shape.crest[2]
+    wide = max(domain["x_max"], math.ceil(foot + height))
+    if wide > domain["x_max"]:
+        *level, (_, y) = document["ground"]["points"]
+        document["ground"] = {**document["ground"], "points": [*level, (float(wide), y)]}
+    domain |= {"x_max": float(wide), "y_max": max(domain["y_max"], math.ceil(1.5 * height))}
+    return domain
 
 
 def shape_of(values: Mapping[str, float], slid_face: str) -> Shape:

@@ -65,6 +65,11 @@ class Engine:
     waterfall: bool = True
     extra: str = ""
 
+    @property
+    def is_learned(self) -> bool:
+        """A model that was trained on runs of the solver, which may judge it."""
+        return self.extra == "learned"
+
     def store_of(self, folder: Path, setup: Setup, plain: Store) -> Store:
         """The store of its runs for a case.
 

@@ -26,7 +26,7 @@ def by_formula(monkeypatch):
     """Runs whose runout is 50 / S_r + (c - 14) / 4 of the fill, in place of the solver's."""
     simulated = []
 
-    def run(store, scene, problem, settings, key):
+    def run(store, setup, scene, problem, key):
         soil = {zone.name: scene.soil.materials[zone.material] for zone in scene.soil.zones}
         slimes, dam = soil["slimes"].cohesion_kpa, soil["dam"].cohesion_kpa
         simulated.append((slimes, dam))
