@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
@@ -25,7 +26,7 @@ from pydantic import (
 
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument, schema_file_text
-from pipeline.files import content_hash, parse_yaml, read_yaml
+from pipeline.files import content_hash, file_or_within, parse_yaml, read_json, read_yaml
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -813,6 +814,16 @@ def validate_settings(model: type[Model], values: Any, *, origin: str) -> Model:
         return model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{origin}: {describe_error(error, model)}") from None
+
+
+def load_document(model: type[Model], path: str | Path, name: str) -> Model:
+    """Read a JSON document of a model from its file, or from the folder that has it under `name`.
+
+    Raises:
+        InputError: no such file, not JSON, or not of this schema; one line.
+    """
+    path = file_or_within(path, name)
+    return validate_settings(model, read_json(path), origin=str(path))
 
 
 def describe_error(error: ValidationError, model: type[BaseModel] | None = None) -> str:

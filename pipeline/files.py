@@ -165,6 +165,12 @@ def write_json(path: str | os.PathLike[str], value: Any) -> None:
     write_text(path, json.dumps(value, indent=2, allow_nan=False, default=_plain) + "\n")
 
 
+def file_or_within(path: str | os.PathLike[str], name: str) -> Path:
+    """The path of a file that is named itself, or by the folder that has it under `name`."""
+    path = Path(path)
+    return path / name if path.is_dir() else path
+
+
 def read_json(path: str | os.PathLike[str]) -> Any:
     """Read a JSON file; a missing file, bad syntax, a repeated key or NaN is an `InputError`."""
     text = read_text(path)

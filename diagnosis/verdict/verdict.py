@@ -17,9 +17,9 @@ from diagnosis.hypotheses.model import Family
 from diagnosis.selection.decide import Verdicts
 from inversion.back_analysis.result import FittedTo
 from inversion.estimation.data import Role
-from pipeline.config import validate_settings
+from pipeline.config import load_document
 from pipeline.documents import StrictDocument, document_schema
-from pipeline.files import read_json, write_json
+from pipeline.files import write_json
 
 FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
@@ -401,9 +401,7 @@ def load_verdict(path: str | Path) -> Verdict:
     Raises:
         InputError: no such file, not JSON, or not of this schema; one line.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
-    return validate_settings(Verdict, read_json(path), origin=str(path))
+    return load_document(Verdict, path, FILE_NAME)
 
 
 def save_document(document: StrictDocument, path: str | Path) -> Path:

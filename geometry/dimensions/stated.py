@@ -13,7 +13,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from geometry.scenes.scene import Document, checked_document
-from pipeline.files import read_yaml
+from pipeline.files import file_or_within, read_yaml
 
 FILE_NAME = "dimensions.yaml"
 PAGE = "docs/how-to/add-a-slide.md"
@@ -222,6 +222,5 @@ def load_dimensions(path: str | Path) -> SlideDimensions:
     Raises:
         InputError: no such file, no YAML, an unknown key or a number out of range; one line.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
+    path = file_or_within(path, FILE_NAME)
     return checked_document(SlideDimensions, read_yaml(path), path, PAGE)

@@ -25,7 +25,7 @@ from geometry.scenes.scene import (
 )
 from geometry.terrain.raster import Raster, read_raster
 from pipeline.cli import InputError
-from pipeline.files import read_yaml
+from pipeline.files import file_or_within, read_yaml
 
 FILE_NAME = "scene3d.yaml"
 PAGE = "docs/how-to/three-dimensions.md"
@@ -243,8 +243,7 @@ def load_scene_3d(path: str | Path, *, spacing: float | None = None) -> Scene3d:
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
+    path = file_or_within(path, FILE_NAME)
     document = read_document(path)
     spacing = spacing or document.spacing
     if document.section is not None:

@@ -20,9 +20,9 @@ from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role, Targets
 from inversion.problem.changes import StatedValue
 from inversion.problem.question import Question
-from pipeline.config import validate_settings
+from pipeline.config import load_document
 from pipeline.documents import StrictDocument, document_schema
-from pipeline.files import read_json, write_json
+from pipeline.files import write_json
 
 FILE_NAME = "result.json"
 SPACING = (
@@ -487,9 +487,7 @@ def load_result(path: str | Path) -> Result:
     Raises:
         InputError: no such file, not JSON, or not of this schema; one line.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
-    return validate_settings(Result, read_json(path), origin=str(path))
+    return load_document(Result, path, FILE_NAME)
 
 
 def save_result(result: Result, folder: str | Path) -> Path:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, Self, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -54,6 +54,17 @@ class Targets(Generic[Entry]):
     covariance: np.ndarray
     roles: list[Role]
     met: int | None = None
+
+    @classmethod
+    def unmeasured(cls, entries: Sequence[Entry], names: Sequence[str]) -> Self:
+        """Readings that nobody measured: they are predicted alone.
+
+        Args:
+            entries: the readings.
+            names: of all their numbers, (m,).
+        """
+        count = len(names)
+        return cls(list(entries), list(names), np.zeros(count), np.eye(count), ["fitted"] * count)
 
     @property
     def fitted(self) -> np.ndarray:

@@ -12,9 +12,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from inversion.posterior.document import Spread
-from pipeline.config import validate_settings
+from pipeline.config import load_document
 from pipeline.documents import StrictDocument, document_schema
-from pipeline.files import read_json
 
 FILE_NAME = "joint.json"
 
@@ -156,9 +155,7 @@ def load_joint(path: str | Path) -> JointDocument:
     Raises:
         InputError: no such file, not JSON, or not of this schema; one line.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
-    return validate_settings(JointDocument, read_json(path), origin=str(path))
+    return load_document(JointDocument, path, FILE_NAME)
 
 
 def schema_text() -> str:

@@ -14,9 +14,8 @@ from pydantic import Field
 from geometry.dimensions.stated import SlideDimensions
 from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Role
-from pipeline.config import validate_settings
+from pipeline.config import load_document
 from pipeline.documents import StrictDocument, document_schema
-from pipeline.files import read_json
 
 FILE_NAME = "posterior.json"
 
@@ -178,9 +177,7 @@ def load_posterior(path: str | Path) -> PosteriorDocument:
     Raises:
         InputError: no such file, not JSON, or not of this schema; one line.
     """
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
-    return validate_settings(PosteriorDocument, read_json(path), origin=str(path))
+    return load_document(PosteriorDocument, path, FILE_NAME)
 
 
 def schema_text() -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.cli import InputError
 from pipeline.extras import require
-from pipeline.files import atomic_path
+from pipeline.files import atomic_path, file_or_within
 
 FILE_NAME = "posterior.nc"
 
@@ -86,8 +86,7 @@ def load_draws(path: str | Path) -> Draws:
     require("posterior", f"{path}: draws of a posterior")
     import xarray
 
-    path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
+    path = file_or_within(path, FILE_NAME)
     if not path.is_file():
         raise InputError(f"{path}: no such file; `flowslide posterior CASE` makes it")
     try:

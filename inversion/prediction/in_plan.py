@@ -119,8 +119,7 @@ def prediction_setup(
         "largest_speed_m_per_s",
     ]
     entries: list[MapMeasured] = [PlanReading(name=name) for name in names]
-    count = len(names)
-    targets = Targets(entries, names, np.zeros(count), np.eye(count), ["fitted"] * count)
+    targets = Targets.unmeasured(entries, names)
     parameters = strength_parameters(strengths)
     return BodySetup(scene, settings, parameters, targets, over_time=bool(document.lines))
 
@@ -138,9 +137,7 @@ def lines_alone(setup: BodySetup) -> BodySetup:
     volumes = [LineVolume(name=f"across {line}", line=line, steps=steps) for line in lines]
     entries: list[MapMeasured] = [*peaks, *volumes]
     names = [entry.name for entry in entries for _ in entry.values]
-    count = len(names)
-    targets = Targets(entries, names, np.zeros(count), np.eye(count), ["fitted"] * count)
-    return replace(setup, targets=targets)
+    return replace(setup, targets=Targets.unmeasured(entries, names))
 
 
 @dataclass(frozen=True)

@@ -234,13 +234,8 @@ def volume_entries(case: PredictionCase, through_m: float | None) -> list[Sectio
 def reading_alone(setup: SectionSetup) -> SectionSetup:
     """A setup whose runs are the same and of which what is also read is all that is predicted."""
     entries = setup.also_read
-    measured = np.concatenate([entry.values for entry in entries])
     names = [f"{entry.name} {part}".strip() for entry in entries for part in entry.parts]
-    count = len(names)
-    targets: Targets[Measured] = Targets(
-        list(entries), names, measured, np.eye(count), ["fitted"] * count
-    )
-    return replace(setup, targets=targets)
+    return replace(setup, targets=Targets.unmeasured(entries, names))
 
 
 def _in_place(deposit: Deposit) -> np.ndarray:

@@ -25,7 +25,7 @@ from diagnosis.question import CodeError
 from geometry.scenes.scene import Document, checked_document, document_error
 from mpm_taichi.effects import effects, load_effects_file
 from pipeline.cli import InputError
-from pipeline.files import read_yaml
+from pipeline.files import file_or_within, read_yaml
 
 FILE_NAME = "benchmark.yaml"
 
@@ -217,8 +217,7 @@ class Benchmark:
 
 def benchmark_file(text: str | Path) -> Path:
     """The document of a benchmark that is named by it or by its folder."""
-    path = Path(text)
-    return path / FILE_NAME if path.is_dir() else path
+    return file_or_within(text, FILE_NAME)
 
 
 def load_plan(text: str | Path) -> BenchmarkPlan:
