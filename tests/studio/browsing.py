@@ -44,6 +44,15 @@ def _faults(told) -> list[str]:
     return [] if gone or told.type != "error" else [f"{told.text} {told.location}"]
 
 
+def stored(page, workspace, name: str = "small"):
+    """A case as it is in the files, once all that was done in the page is saved.
+
+    The words of the status are no sign of it: those of an earlier edit stay meanwhile.
+    """
+    page.wait_for_selector("body:not([data-saving])", state="attached", timeout=WAIT_MS)
+    return workspace.read(name)
+
+
 def picture(page, name: str) -> None:
     """Take a picture of the page, where pictures are wanted."""
     if PICTURES:

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of, serving
 from pipeline.files import read_yaml
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, tab, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, stored, tab, watched
 
 pytestmark = NEEDS_CHROMIUM
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
@@ -35,6 +35,7 @@ def click(page: Page, x: float, y: float, **options) -> None:
 
 def saved(page: Page) -> None:
     """Wait until the last edit is in the files."""
+    page.wait_for_selector("body:not([data-saving])", state="attached", timeout=WAIT_MS)
     expect(page.locator("#status")).to_have_text(re.compile("^saved|answered in"), timeout=WAIT_MS)
 
 
@@ -163,7 +164,7 @@ def test_vertices_move_together_and_every_edit_is_undone(address, browser, works
     page.keyboard.press("Control+z")
     saved(page)
     expect(page.locator("#section-right")).to_contain_text("It holds together")
-    case = workspace.read("small")
+    case = stored(page, workspace)
     case["scene"]["zones"] = before
     assert workspace.save("small", case["revision"], case)
     expect(page.locator("#status")).to_contain_text("changed elsewhere", timeout=WAIT_MS)

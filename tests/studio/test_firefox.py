@@ -20,7 +20,7 @@ pytestmark = [
     pytest.mark.skipif(FIREFOX is None, reason="there is no Firefox on this machine"),
 ]
 ANSWERED = "document.querySelector('#status').textContent.includes('answered in')"
-SAVED = "document.querySelector('#status').textContent.startsWith('saved')"
+SAVED = "!document.body.hasAttribute('data-saving')"
 
 
 @pytest.fixture

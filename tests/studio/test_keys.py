@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored
 
 pytestmark = NEEDS_CHROMIUM
 IDLE = "() => document.querySelector('#status').textContent.includes('answered in')"
@@ -73,7 +73,7 @@ def test_numbers_are_typed_from_field_to_field(page, workspace):
     page.keyboard.press("Tab")
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
     assert page.evaluate("document.body.dataset.mode") == "section"
-    soil = workspace.read("small")["scene"]["materials"]["firm"]
+    soil = stored(page, workspace)["scene"]["materials"]["firm"]
     assert (soil["friction_deg"], soil["cohesion_kpa"], soil["density"]) == (28, 3, 1850)
 
 
@@ -84,7 +84,7 @@ def test_the_first_click_after_a_field_counts(page, workspace):
     page.keyboard.type("28")
     page.get_by_label("firm liquefied", exact=True).click()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    soil = workspace.read("small")["scene"]["materials"]["firm"]
+    soil = stored(page, workspace)["scene"]["materials"]["firm"]
     assert soil["liquefied"] is True and soil["friction_deg"] == 0
 
 
@@ -98,7 +98,7 @@ def test_a_renamed_material_keeps_the_place_of_the_cursor(page, workspace):
     page.keyboard.press("Tab")
     assert focused(page) == "friction of gravel [deg]"
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert "gravel" in workspace.read("small")["scene"]["materials"]
+    assert "gravel" in stored(page, workspace)["scene"]["materials"]
 
 
 def test_vertices_are_typed_from_cell_to_cell(page, workspace):
@@ -110,7 +110,7 @@ def test_vertices_are_typed_from_cell_to_cell(page, workspace):
     page.keyboard.type("6.5")
     page.keyboard.press("Tab")
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert [51, 6.5] in workspace.read("small")["scene"]["zones"][0]["polygon"]
+    assert [51, 6.5] in stored(page, workspace)["scene"]["zones"][0]["polygon"]
     assert page.evaluate("document.body.dataset.mode") == "section"
 
 
@@ -134,7 +134,7 @@ def test_the_sheet_stays_where_it_is_looked_at(page):
 
 
 def test_a_section_that_nobody_moved_stays_in_sight(page, workspace):
-    x = [x for zone in workspace.read("small")["scene"]["zones"] for x, _ in zone["polygon"]]
+    x = [x for zone in stored(page, workspace)["scene"]["zones"] for x, _ in zone["polygon"]]
     section(page)
     page.set_viewport_size({"width": 1000, "height": 800})
     page.wait_for_timeout(200)
@@ -171,7 +171,7 @@ def test_another_case_has_sliders_of_its_own(page):
 
 def test_the_end_of_a_section_is_seen_and_said(page, workspace):
     """A side that ends in a face goes on until somebody says that it does not."""
-    scene = workspace.read("small")["scene"]
+    scene = stored(page, workspace)["scene"]
     x = max(x for zone in scene["zones"] for x, _ in zone["polygon"])
     section(page)
     ends = page.get_by_label("right end of the section")
@@ -180,9 +180,9 @@ def test_the_end_of_a_section_is_seen_and_said(page, workspace):
     ends.focus()
     page.keyboard.press("ArrowUp")
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert workspace.read("small")["scene"]["domain"]["right"] == "far"
+    assert stored(page, workspace)["scene"]["domain"]["right"] == "far"
     expect(page.get_by_label("right end of the section")).to_have_value("goes_on")
-    found = workspace.read("small")["derived"]["ends"]["right"]
+    found = stored(page, workspace)["derived"]["ends"]["right"]
     assert found["goes_on"] and found["x_m"] == x
     page.locator("#undo").click()
     expect(page.get_by_label("right end of the section")).to_have_value("free")
@@ -193,7 +193,7 @@ def test_what_is_hardly_meant_is_said_and_refuses_nothing(page, workspace):
     expect(page.locator("#section-right .doubt")).to_have_count(0)
     name, soil = next(
         (name, soil)
-        for name, soil in workspace.read("small")["scene"]["materials"].items()
+        for name, soil in stored(page, workspace)["scene"]["materials"].items()
         if not soil.get("liquefied")
     )
     radians = round(math.radians(soil["friction_deg"]), 3)
@@ -233,7 +233,7 @@ def test_a_pool_stands_on_the_upstream_side_alone(page, workspace):
 
     def scene():
         expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-        return workspace.read("small")["scene"]
+        return stored(page, workspace)["scene"]
 
     section(page)
     page.get_by_label("pool level [m]", exact=True).click()
@@ -394,14 +394,14 @@ def test_a_zone_that_is_gone_is_not_asked_for(page, workspace):
     section(page)
     typed(page, "name of zone 1", "silt")
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    (asked,) = workspace.read("small")["inversion"]["parameters"]
+    (asked,) = stored(page, workspace)["inversion"]["parameters"]
     assert asked["zones"] == ["silt"]
     page.get_by_title("remove silt").click()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert workspace.read("small")["inversion"] is None
+    assert stored(page, workspace)["inversion"] is None
     page.locator("#undo").click()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert workspace.read("small")["inversion"]["parameters"] == [asked]
+    assert stored(page, workspace)["inversion"]["parameters"] == [asked]
     page.locator('[data-mode="survey"]').first.click()
     page.get_by_title("do not ask for S_r").click()
     expect(page.locator("#survey-right .parameter")).to_have_count(0)
@@ -427,7 +427,7 @@ def test_a_number_is_kept_though_the_page_is_reloaded_in_its_field(page, workspa
     assert page.evaluate("document.body.dataset.mode") == "section", "it goes on where it was"
 
     def soil():
-        found = workspace.read("small")["scene"]["materials"]["firm"]
+        found = stored(page, workspace)["scene"]["materials"]["firm"]
         return found["friction_deg"], found["cohesion_kpa"]
 
     assert soil() == (30, 3)
@@ -442,10 +442,10 @@ def test_an_edit_is_undone_after_a_reload(page, workspace):
     expect(page.locator('body[data-case="small"]')).to_have_count(1, timeout=WAIT_MS)
     page.locator("#undo").click()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert workspace.read("small")["scene"]["materials"]["firm"]["friction_deg"] == 34
+    assert stored(page, workspace)["scene"]["materials"]["firm"]["friction_deg"] == 34
     page.locator("#redo").click()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert workspace.read("small")["scene"]["materials"]["firm"]["friction_deg"] == 30
+    assert stored(page, workspace)["scene"]["materials"]["firm"]["friction_deg"] == 30
 
 
 def test_a_case_that_ships_has_no_field_that_looks_live(page):
@@ -508,7 +508,7 @@ def test_a_title_makes_the_name_of_a_case(page, workspace):
 
 
 def test_what_is_fitted_is_what_the_question_fits(page, workspace):
-    case = workspace.read("small")
+    case = stored(page, workspace)
     crest = {"name": "crest", "type": "crest_settlement", "at": "initial_crest_x", "x_m": 70.0,
              "value_m": 3.0, "std_m": 0.5, "std_is": "assumed", "confidence": "published",
              "source": "test"}  # fmt: skip
@@ -561,10 +561,10 @@ def test_an_answer_is_shown_and_kept(page, workspace):
     expect(strength).to_have_value(f"{value:.4g}")
     page.wait_for_function(IDLE, timeout=20_000)
     expect(page.locator("#readings tbody tr").first.locator("td").nth(3)).not_to_have_class("far")
-    assert workspace.read("small")["scene"]["materials"]["loose"]["cohesion_kpa"] == 8.0
+    assert stored(page, workspace)["scene"]["materials"]["loose"]["cohesion_kpa"] == 8.0
     job.get_by_role("button", name="Keep it").click()
     expect(page.locator("#jobs li").first).to_contain_text("the case has changed since")
-    kept = workspace.read("small")["scene"]["materials"]["loose"]["cohesion_kpa"]
+    kept = stored(page, workspace)["scene"]["materials"]["loose"]["cohesion_kpa"]
     assert kept == pytest.approx(value, rel=1e-3)
 
 
@@ -574,7 +574,7 @@ def test_a_case_is_renamed_and_removed(page, workspace):
     page.keyboard.type("my dam")
     page.keyboard.press("Enter")
     expect(page.locator('body[data-case="my_dam"]')).to_have_count(1, timeout=WAIT_MS)
-    assert workspace.read("my_dam")["scene"]["name"] == "small"
+    assert stored(page, workspace, "my_dam")["scene"]["name"] == "small"
     expect(page.locator("#case option", has_text="small")).to_have_count(0)
     page.get_by_role("button", name="Remove", exact=True).click()
     page.keyboard.press("Escape")
@@ -623,7 +623,7 @@ def test_an_answer_that_comes_after_an_edit_is_of_another_section(page, workspac
 
 def test_escape_takes_a_dragged_vertex_back(page, workspace):
     section(page)
-    before = workspace.read("small")["scene"]
+    before = stored(page, workspace)["scene"]
     page.mouse.move(*pixel_of(page, 70, 10))
     page.mouse.down()
     page.mouse.move(*pixel_of(page, 73, 12), steps=4)
@@ -633,7 +633,7 @@ def test_escape_takes_a_dragged_vertex_back(page, workspace):
     expect(page.locator("#status")).to_have_text("the vertex stays where it was")
     assert page.locator("#undo").is_disabled()
     page.wait_for_timeout(400)
-    assert workspace.read("small")["scene"] == before
+    assert stored(page, workspace)["scene"] == before
 
 
 def test_what_is_undone_out_of_sight_is_shown(page, workspace):
@@ -646,4 +646,4 @@ def test_what_is_undone_out_of_sight_is_shown(page, workspace):
     page.keyboard.press("Control+z")
     expect(page.locator('body[data-mode="survey"]')).to_have_count(1)
     expect(page.locator("#status")).to_have_text(re.compile("^saved|answered in"), timeout=WAIT_MS)
-    assert workspace.read("small")["measurements"]["sets"]["field"][0]["value_m"] == 14.0
+    assert stored(page, workspace)["measurements"]["sets"]["field"][0]["value_m"] == 14.0

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import expect
 
 from geometry.scenes.drawings import read_section
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored
 
 pytestmark = NEEDS_CHROMIUM
 
@@ -76,7 +76,7 @@ def test_a_section_is_saved_as_it_can_be_imported(page, tmp_path, workspace):
     page.locator('[data-mode="section"]').first.click()
     saved(page, "csv").save_as(tmp_path / "section.csv")
     section = read_section(tmp_path / "section.csv")
-    zones = workspace.read("small")["scene"]["zones"]
+    zones = stored(page, workspace)["scene"]["zones"]
     assert section.zones == {
         one["name"]: [tuple(place) for place in one["polygon"]] for one in zones
     }

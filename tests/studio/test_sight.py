@@ -7,7 +7,7 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of, serving
 from tests.studio.bodies import write_bank
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, tab
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored, tab
 
 pytestmark = NEEDS_CHROMIUM
 #: What is beyond the right edge of the window.
@@ -78,7 +78,7 @@ def test_at_150_percent_nothing_is_cut_off_and_clicks_land_where_the_mouse_is(
         page.mouse.click(*pixel_of(page, x + 0.1, y + 0.1))
     page.keyboard.press("Enter")
     expect(page.locator("#status")).to_contain_text("kept as a draft", timeout=WAIT_MS)
-    assert workspace.read("small")["scene"]["zones"][3]["polygon"] == [[62, 12], [68, 12], [66, 14]]
+    assert stored(page, workspace)["scene"]["zones"][3]["polygon"] == [[62, 12], [68, 12], [66, 14]]
     page.locator("#undo").click()
     page.locator('[data-tool="select"]').click()
     page.mouse.move(*pixel_of(page, 90, 0))
@@ -86,7 +86,7 @@ def test_at_150_percent_nothing_is_cut_off_and_clicks_land_where_the_mouse_is(
     page.mouse.move(*pixel_of(page, 93, 0), steps=4)
     page.mouse.up()
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
-    assert workspace.read("small")["scene"]["zones"][2]["polygon"][1] == [93, 0]
+    assert stored(page, workspace)["scene"]["zones"][2]["polygon"][1] == [93, 0]
     assert not page.errors
 
 

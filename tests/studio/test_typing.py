@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored, watched
 
 pytestmark = NEEDS_CHROMIUM
 SAVED = re.compile("^(saved|kept as a draft|not pasted|“|$)|answered in")
@@ -42,7 +42,7 @@ def paste(page: Page, label: str, text: str) -> None:
 def saved(page: Page, workspace, *keys: object):
     """What is in the files once all is saved."""
     expect(page.locator("#status")).to_have_text(SAVED, timeout=WAIT_MS)
-    node = workspace.read("small")
+    node = stored(page, workspace)
     for key in keys:
         node = node[key]
     return node
@@ -171,7 +171,7 @@ def test_a_column_of_blow_counts_is_pasted(page, workspace):
     expect(page.locator("#status")).to_contain_text("answered in", timeout=WAIT_MS)
     expect(page.locator("#survey-left .wrong")).to_have_count(0)
     layer = {"zones": ["loose"], "n1_60cs": 12.5, "confidence": "assumed", "source": "boring 3"}
-    assert workspace.read("small")["blow_counts"] == {"layers": [layer]}
+    assert stored(page, workspace)["blow_counts"] == {"layers": [layer]}
     assert (workspace.folder / "small" / "blow_counts.yaml").is_file()
     paste(page, "blow count of loose", "12\n13")
     expect(page.locator("#status")).to_have_text("not pasted: 2 numbers, where 1 fit from here on")
@@ -182,4 +182,4 @@ def test_a_column_of_blow_counts_is_pasted(page, workspace):
     page.keyboard.press("Tab")
     expect(page.locator("#survey-left .wrong")).to_have_count(0, timeout=WAIT_MS)
     expect(page.locator("#status")).to_contain_text(SAVED, timeout=WAIT_MS)
-    assert workspace.read("small")["blow_counts"] is None
+    assert stored(page, workspace)["blow_counts"] is None
