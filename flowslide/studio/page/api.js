@@ -38,7 +38,7 @@ export function unpack(buffer) {
   return { header, ...arrays };
 }
 
-const PACE = 80; // ms in which a question may wait for a first answer to the one before it
+const PACE = 130; // ms in which a question may wait for a first answer to the one before it
 
 /** The sliders' socket; it connects again by itself. `on` has deposit, forecast, failed and connected. */
 export class Sliders {
