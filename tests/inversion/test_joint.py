@@ -29,12 +29,13 @@ from inversion.joint.population import (
     predicted_probability,
 )
 from inversion.posterior.document import PosteriorDocument
-from inversion.posterior.draws import Draws
+from inversion.posterior.draws import Draws, save_draws
 from inversion.prediction.known_strength import ratio_of_relation, widened
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import write_json
 from report.joint import summary, write_report
+from report.tables.joint import slide_table
 from tests.inversion import report_case
 from tests.inversion.slides import FEW, NAMES, dams, slide
 
@@ -69,11 +70,13 @@ def test_the_likelihood_of_a_slide_is_the_integral_over_its_ratio():
     assert slide("c", 0.4, 0.1, kind="undetermined").likelihood(mean, std) == 1.0
 
 
-def posterior_of(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
-    """What draws of ln ratio (s,) say, as a posterior leaves them."""
-    none = np.zeros((4000, 0))
+def posterior_of(
+    after: np.ndarray, prior: np.ndarray, case: str = "a"
+) -> tuple[PosteriorDocument, Draws]:
+    """A posterior with these draws of ln ratio, (s,)."""
+    toe = np.zeros((4000, 1))
     both = (np.exp(after)[:, None], np.exp(prior)[:, None])
-    draws = Draws(["ratio"], *both, [], none, none, np.zeros(4000), {}, {})
+    draws = Draws(["ratio"], *both, ["toe"], toe, toe, np.zeros(4000), {}, {})
     spread = {"mean": 0.1, "std": 0.1, "median": 0.135, "interval_50": (0, 1),
               "interval_95": (0, 1)}  # fmt: skip
     unknown = {"name": "ratio", "label": "r", "kind": "parameter", "property": "strength_ratio",
@@ -81,21 +84,25 @@ def posterior_of(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
                "ratio": spread, "strength_kpa": {**spread, "median": 13.5}, "narrowed": 0.5,
                "sobol": []}  # fmt: skip
     document = PosteriorDocument(
-        case="a", title="A", measurement_set="x", spacing_m=1, coarse_spacing_m=None, physics={},
+        case=case, title=case.title(), measurement_set="x", spacing_m=1, coarse_spacing_m=None, physics={},
         settings={}, unknowns=[unknown], numbers=[], other_ways={}, correlation=[[1.0]],
         evidence={"log_evidence": 0, "log_evidence_std": 0, "information_nats": 0},
         runs=dict.fromkeys(("coarse", "refined", "fine", "other_ways", "failed",
                             "simulated_now"), 0),
         remarks=[], timings={}, manifest={},
     )  # fmt: skip
-    return from_draws(document, draws, "posterior.json")
+    return document, draws
+
+
+def said_by(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
+    return from_draws(*posterior_of(after, prior), "posterior.json")
 
 
 def test_the_prior_of_a_slide_is_divided_out_of_its_draws():
     """A posterior N(-2, 0.3) under a prior N(-1.5, 0.5): the data alone say N(-2.28, 0.375)."""
     random = np.random.default_rng(0)
     prior, after = random.normal(-1.5, 0.5, 4000), random.normal(-2.0, 0.3, 4000)
-    found = posterior_of(after, prior)
+    found = said_by(after, prior)
     precision = 1 / 0.3**2 - 1 / 0.5**2
     mean = (-2.0 / 0.3**2 + 1.5 / 0.5**2) / precision
     assert found.mean == pytest.approx(mean, abs=0.05)
@@ -107,7 +114,7 @@ def test_the_edge_of_a_flat_prior_is_no_evidence():
     """Draws that lean on a bound are weighed evenly there: the ratio is not pushed beyond it."""
     random = np.random.default_rng(0)
     after = -3.0 + np.abs(random.normal(0.0, 0.3, 4000))
-    found = posterior_of(after, random.uniform(-3.0, 0.0, 4000))
+    found = said_by(after, random.uniform(-3.0, 0.0, 4000))
     assert found.mean == pytest.approx(after.mean(), abs=0.03)
     assert found.formal_std == pytest.approx(after.std(), rel=0.1)
 
@@ -285,6 +292,33 @@ def test_results_become_a_relation(tmp_path, capsys):
     assert capsys.readouterr().out == summary(found) + "\n"
     main(["report", str(tmp_path / "out"), "--quiet", "--report", "none"])
     assert capsys.readouterr().out == summary(found) + "\n"
+
+
+def test_a_slide_from_numbers_enters_by_its_posterior_alone(tmp_path):
+    """A back-analysis and a verdict of its median section know nothing of the others."""
+    written(tmp_path, NAMES[0], report_case.parameter("a", ratio=0.13, ratio_std=0.02))
+    written(tmp_path, "wachusett", report_case.parameter("a", ratio=0.3, ratio_std=0.01))
+    cases = [NAMES[0], "wachusett"]
+    settings = load_config(None, [f"results_folder={tmp_path}", *FEW])
+    with pytest.raises(InputError, match="no answer; `flowslide posterior wachusett` makes one"):
+        flowslide.joint(cases, settings=settings)
+    random = np.random.default_rng(0)
+    after, prior = random.normal(-3.0, 0.8, 4000), random.uniform(-5.0, -1.0, 4000)
+    document, draws = posterior_of(after, prior, "wachusett")
+    place = tmp_path / "wachusett" / "posterior"
+    write_json(place / "posterior.json", document.model_dump(mode="json"))
+    save_draws(draws, place / "posterior.nc")
+    write_json(tmp_path / "wachusett" / "diagnosis" / "verdict.json", {"verdict": "adequate"})
+    found = flowslide.joint(cases, settings=settings)
+    drawn, stated = found.slides
+    assert (drawn.drawn, stated.drawn) == (True, False)
+    assert stated.source.endswith("posterior.json") and stated.verdict == ""
+    assert math.log(stated.ratio) == pytest.approx(-3.0, abs=0.1)
+    assert stated.factor == pytest.approx(mean_worth(), abs=1e-3)
+    # Its own range is wider than that of verdicts, so that nothing is added but the kernels.
+    assert stated.log_std == pytest.approx(stated.formal_log_std, rel=0.1)
+    assert any(words.startswith("Wachusett: known by a few numbers") for words in found.remarks)
+    assert [row[1] for row in slide_table(found).rows] == ["ran", "ran, from numbers"]
 
 
 def test_a_prior_of_a_fit_would_count_twice(tmp_path):
