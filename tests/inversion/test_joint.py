@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy import integrate
@@ -19,7 +20,7 @@ from inversion.catalogue.ranges import geometric_mean, load_ranges
 from inversion.joint import infer as joint
 from inversion.joint.build import document_of
 from inversion.joint.document import JointDocument, load_joint
-from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, from_draws, from_result
+from inversion.joint.evidence import BLOCK, BlowCountOfSlide, SlideEvidence, from_draws, from_result
 from inversion.joint.population import (
     RATIOS,
     TAU_STD,
@@ -34,6 +35,7 @@ from inversion.prediction.known_strength import ratio_of_relation, widened
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import write_json
+from report.charts.joint import _ratio_axis
 from report.joint import summary, write_report
 from report.tables.joint import slide_table
 from tests.inversion import report_case
@@ -70,6 +72,24 @@ def test_the_likelihood_of_a_slide_is_the_integral_over_its_ratio():
     assert slide("c", 0.4, 0.1, kind="undetermined").likelihood(mean, std) == 1.0
 
 
+def test_quantiles_of_a_slide_alone_are_those_of_its_mixture():
+    one = slide("a", 0.1, 0.3)
+    expected = 0.1 * np.exp(0.3 * norm.ppf([0.025, 0.5, 0.975]))
+    assert one.quantiles((0.025, 0.5, 0.975)) == pytest.approx(expected, rel=1e-4)
+    two = replace(one, centres=np.log([0.01, 0.5]), weights=np.array([0.25, 0.75]), std=0.01)
+    # The two are far apart: half of the first is an eighth of all, a third of the other a half.
+    expected = [0.01, 0.5 * math.exp(0.01 * norm.ppf(1.0 / 3.0))]
+    assert two.quantiles((0.125, 0.5)) == pytest.approx(expected, rel=3e-3)
+
+
+def test_the_likelihood_on_many_cells_is_that_of_single_ones():
+    two = replace(slide("a", 0.1, 0.2), centres=np.log([0.08, 0.15]), weights=np.array([0.3, 0.7]))
+    means = np.linspace(-4.0, 0.0, 3 * BLOCK // 2).reshape(3, -1)
+    found = two.likelihood(means, np.array(0.3))
+    alone = [two.likelihood(mean, 0.3) for mean in means[:, -1]]
+    assert found.shape == means.shape and found[:, -1] == pytest.approx(alone, rel=1e-12)
+
+
 def posterior_of(
     after: np.ndarray, prior: np.ndarray, case: str = "a"
 ) -> tuple[PosteriorDocument, Draws]:
@@ -84,8 +104,8 @@ def posterior_of(
                "ratio": spread, "strength_kpa": {**spread, "median": 13.5}, "narrowed": 0.5,
                "sobol": []}  # fmt: skip
     document = PosteriorDocument(
-        case=case, title=case.title(), measurement_set="x", spacing_m=1, coarse_spacing_m=None, physics={},
-        settings={}, unknowns=[unknown], numbers=[], other_ways={}, correlation=[[1.0]],
+        case=case, title=case.title(), measurement_set="x", spacing_m=1, coarse_spacing_m=None,
+        physics={}, settings={}, unknowns=[unknown], numbers=[], other_ways={}, correlation=[[1.0]],
         evidence={"log_evidence": 0, "log_evidence_std": 0, "information_nats": 0},
         runs=dict.fromkeys(("coarse", "refined", "fine", "other_ways", "failed",
                             "simulated_now"), 0),
@@ -236,6 +256,15 @@ def test_the_page_faces_the_slope_that_stood(document, tmp_path):
     assert "no diagnosis is at hand" in text
     assert (tmp_path / "slides.svg").is_file() and (tmp_path / "blow_counts.svg").is_file()
     assert "recalled, unverified" in page and "Olson and Stark (2002)" in page
+
+
+def test_the_axis_holds_a_slide_that_reaches_far_down(document):
+    first = document.slides[0].model_copy(update={"ratio_95": (0.004, 0.3)})
+    far = document.model_copy(update={"slides": [first, *document.slides[1:]]})
+    axes = [plt.subplots()[1] for _ in range(2)]
+    ends = [_ratio_axis(ax, one) for ax, one in zip(axes, (document, far), strict=True)]
+    assert ends == [ax.get_xlim()[0] for ax in axes] == [0.02, 0.002]
+    plt.close("all")
 
 
 def test_a_dam_without_a_slide_has_the_ratio_of_the_others(document, tmp_path):
