@@ -69,7 +69,8 @@ rule everything:
         [dataset(scale) for scale in SETTINGS.scales],
         [evaluated(scale) for scale in SETTINGS.scales],
         [simulated_case(case) for case in CASES],
-        [inverted_case(case) for case in QUESTIONS],
-        [diagnosed_case(case) for case in QUESTIONS],
+        [inverted_case(case) for case in DRAWN],
+        [diagnosed_case(case) for case in DRAWN],
+        [posterior_of_case(case) for case in FAMILIES],
     message:
         "All scales and all case histories are ready under {RESULTS}"

@@ -538,7 +538,8 @@ def joint(
 
     Args:
         cases: sections whose results are in `results_folder` of the settings: a back-analysis or
-            a posterior, with a diagnosis where one was made. Nothing is simulated.
+            a posterior, with a diagnosis where one was made; of a slide from a few numbers its
+            posterior alone. Nothing is simulated.
         out: `joint.json` and `report.html` are written there.
         weights: quality of some cases by name, in (0, 1]: their variance is divided by it.
         options: settings; the group `posterior` has the numbers of draws and live points.
@@ -559,9 +560,10 @@ def joint(
     slides = []
     for case in read:
         place = Path(run.config.results_folder) / case.name
-        factor, verdict = _worth(place / "diagnosis")
-        found = slide_of(case, place).widened(factor, verdict)
-        slides.append(found.weighed(quality.get(case.name, 1.0)))
+        found = slide_of(case, place)
+        # A verdict on the median section of a family is none on the slide.
+        factor, verdict = _worth(place / "diagnosis" if found.drawn else None)
+        slides.append(found.widened(factor, verdict).weighed(quality.get(case.name, 1.0)))
     if out is None:
         return document_of(slides, run.config)
     with working_in(Path(out)):
@@ -578,17 +580,20 @@ def _check_weights(weights: Mapping[str, float], names: Sequence[str]) -> None:
             raise InputError(f"--weight {name}={weight:g}: greater than 0, at most 1")
 
 
-def _worth(folder: Path) -> tuple[float, str]:
+def _worth(folder: Path | None) -> tuple[float, str]:
     """Within which factor nine of ten strengths lay, by the verdict on a model.
 
+    Args:
+        folder: of a diagnosis; None: none counts.
+
     Returns:
-        the factor, and the verdict; empty: no diagnosis is in the folder, and the factor is the
-        mean of all verdicts.
+        the factor, and the verdict; empty: there is no diagnosis, and the factor is the mean of
+        all verdicts.
     """
     from diagnosis.track_record import mean_worth, worth_of
     from diagnosis.verdict.verdict import FILE_NAME, load_verdict
 
-    if not (folder / FILE_NAME).is_file():
+    if folder is None or not (folder / FILE_NAME).is_file():
         return mean_worth(), ""
     verdict = load_verdict(folder).verdict
     known = worth_of(verdict)

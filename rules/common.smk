@@ -140,6 +140,9 @@ GNS_PHYSICS = {**PHYSICS, "gns": physics_version("gns")}
 CASE_FOLDER = Path(workflow.basedir) / "case_histories"
 CASES = sorted(path.parent.name for path in CASE_FOLDER.glob("*/scene.yaml"))
 QUESTIONS = [case for case in CASES if (CASE_FOLDER / case / "inversion.yaml").is_file()]
+# Known by a few numbers: a family of sections, whose answer is its posterior.
+FAMILIES = [case for case in QUESTIONS if (CASE_FOLDER / case / "dimensions.yaml").is_file()]
+DRAWN = [case for case in QUESTIONS if case not in FAMILIES]
 CASE_ALIASES = {"lsfd": "lower_san_fernando"}
 
 if clash := set(SETTINGS.scales) & {*CASES, *CASE_ALIASES}:

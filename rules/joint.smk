@@ -2,15 +2,19 @@
 
 
 def joint_inputs(wildcards):
-    """Back-analysis and verdict of every slide."""
+    """Back-analysis and verdict of every slide; of one from a few numbers its posterior."""
     if unknown := [case for case in SETTINGS.joint.cases if case not in QUESTIONS]:
         raise WorkflowError(
             f"configuration: joint: cases: {', '.join(unknown)}: no question in case_histories/"
         )
-    return [file(case) for file in (inverted_case, diagnosed_case) for case in SETTINGS.joint.cases]
+    drawn = [case for case in SETTINGS.joint.cases if case not in FAMILIES]
+    return [
+        *(file(case) for file in (inverted_case, diagnosed_case) for case in drawn),
+        *(posterior_of_case(case) for case in SETTINGS.joint.cases if case in FAMILIES),
+    ]
 
 
-# A posterior that a case has as well is read in place of its back-analysis; it is made by hand.
+# A posterior that a drawn case has as well is read in place of its back-analysis; it is made by hand.
 rule joint:
     input:
         joint_inputs,

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry.case import Case
+from geometry.dimensions.stated import FILE_NAME as DIMENSIONS_FILE
 from geometry.survey.blow_counts import load_blow_counts
 from inversion.catalogue.catalogue import load_catalogue, load_strengths
 from inversion.catalogue.correlations import RELATIONS
@@ -39,7 +40,9 @@ def slide_of(case: Case, results: str | Path) -> SlideEvidence:
     Raises:
         InputError: no results, results of another case, or none that can be used.
     """
-    found = evidence_of(results, f"flowslide invert {case.name}")
+    drawn = not (case.folder / DIMENSIONS_FILE).is_file()
+    verb = "invert" if drawn else "posterior"
+    found = evidence_of(results, f"flowslide {verb} {case.name}", drawn=drawn)
     if found.case != case.name:
         raise InputError(f"{found.source}: is of the case {found.case!r}, not {case.name!r}")
     return replace(found, blow_count=_blow_count(case, found.zones))
@@ -175,6 +178,11 @@ def _remarks(slides: Sequence[SlideEvidence], narrowed: float) -> list[str]:
     for one in slides:
         if one.kind == "undetermined":
             found.append(f"{one.title}: its data leave the strength open; it says nothing here.")
+        elif not one.drawn:
+            found.append(
+                f"{one.title}: known by a few numbers; what they leave open of its section is in "
+                "its posterior, and the mean range of all verdicts is taken."
+            )
         elif not one.verdict:
             found.append(
                 f"{one.title}: no diagnosis is at hand; the mean range of all verdicts is taken "

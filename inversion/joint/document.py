@@ -26,6 +26,9 @@ class SlideRow(StrictDocument):
     kind: Literal["slide", "bound", "undetermined"] = Field(
         description="it ran; it stood, and has a least ratio; its data say nothing of its strength"
     )
+    drawn: bool = Field(
+        True, description="its section was drawn; else it is known by a few numbers"
+    )
     source: str = Field(description="file that it was read from")
     ratio: float = Field(description="median; of a bound the least ratio at which nothing runs")
     sigma_v0_kpa: float = Field(description="mean vertical effective stress of its zones")

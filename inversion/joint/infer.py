@@ -144,15 +144,16 @@ def readings(slides: Sequence[SlideEvidence]) -> list[JointRelation]:
 def slide_row(slide: SlideEvidence, others: Sequence[SlideEvidence]) -> SlideRow:
     """What a slide says alone, and together with the others."""
     count = slide.blow_count
-    low, high = np.exp(slide.mean + np.array([-1.96, 1.96]) * slide.log_std)
+    low, middle, high = slide.quantiles((0.025, 0.5, 0.975))
     if slide.kind == "bound":
         low, high = math.exp(slide.mean - 1.645 * slide.log_std), MOST_STRENGTH_RATIO
     return SlideRow(
         case=slide.case,
         title=slide.title,
         kind=slide.kind,
+        drawn=slide.drawn,
         source=slide.source,
-        ratio=round(math.exp(slide.mean), 5),
+        ratio=round(float(middle), 5),
         sigma_v0_kpa=round(slide.sigma_v0_kpa, 3),
         formal_log_std=round(slide.formal_std, 5),
         log_std=round(slide.log_std, 5),

@@ -22,6 +22,8 @@ from inversion.new_case.make_case import new_folder, write_case
 from pipeline.files import read_text, yaml_text
 
 TOE, DURATION = "toe", "duration"
+#: Line before the comments that end a case's file of dimensions.
+TAKEN = "# Not stated above, so drawn from (all values in a range alike; H: heights):"
 #: How far a number may be trusted, as measurements have it.
 CONFIDENCE = {
     "read": "published", "abstract": "published", "paper": "paper", "secondary": "recalled",
@@ -68,7 +70,7 @@ def case_of_dimensions(name: str, file: str, spacing_m: float | None = None) -> 
     write_case(
         folder,
         {
-            FILE_NAME: read_text(file).rstrip("\n") + "\n" + _taken_text(family),
+            FILE_NAME: _stated_text(file) + _taken_text(family),
             "scene.yaml": scene_file_text(scene, words),
             "measurements.yaml": _measurements_text(family, scene, words),
             "inversion.yaml": inversion_text(scene, [], family.dimensions),
@@ -87,12 +89,16 @@ def distribution_words(one: Dimension) -> str:
     return f"{median:.4g} ± {median * std:.2g} {one.unit}"
 
 
+def _stated_text(file: str) -> str:
+    """What a file states, without the comments that an earlier case has ended it with."""
+    return read_text(file).partition(TAKEN)[0].rstrip("\n") + "\n"
+
+
 def _taken_text(family: SectionFamily) -> str:
     """What a case takes where its file is silent, as comments that end the file."""
     silent = [one for one in family.dimensions if not one.stated]
     lines = [f"#   {one.label}: {distribution_words(one)} ({one.source})" for one in silent]
-    head = "# Not stated above, so drawn from (all values in a range alike; H: heights):"
-    return "\n".join([head, *lines, ""]) if silent else ""
+    return "\n".join([TAKEN, *lines, ""]) if silent else ""
 
 
 def _measurements_text(family: SectionFamily, scene: Scene, words: CaseWords) -> str:

@@ -177,6 +177,9 @@ def coarse_remarks(found: Inferred[CaseModel]) -> list[str]:
     """Fitted numbers that the emulator knows less well than the survey does."""
     inference, targets = found.inference, found.inference.targets
     remarks = []
+    more = "posterior.refined_runs"
+    if inference.model.two_fidelities:
+        more = "posterior.fine_runs, or inversion.coarse_factor: 1,"
     for number in np.flatnonzero(targets.fitted):
         name = targets.names[number]
         error = found.emulator_error[inference.names.index(name)]
@@ -184,8 +187,8 @@ def coarse_remarks(found: Inferred[CaseModel]) -> list[str]:
         if error > survey:
             remarks.append(
                 f"{name}: the emulator's error of {error:.2g} exceeds the survey's {survey:.2g} "
-                "and widens the posterior; more posterior.fine_runs, or inversion.coarse_factor: "
-                "1, makes it smaller"
+                f"and widens the posterior; more {more} may make it smaller, unless single runs "
+                "scatter as much"
             )
     return remarks
 

@@ -19,6 +19,8 @@ from report import style
 
 ROW = 0.34
 ENDS = (0.02, 1.0)
+#: Lower ends of the axis of the ratio; a slide known by a few numbers may reach far down.
+LOWER_ENDS = (0.001, 0.002, 0.005, 0.01, 0.02)
 TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 LINE_COLOURS = ("#0072b2", "#009e73", "#56b4a0", "#8a5a00", "#cc79a7")
 #: Stress at which relations that differ with it are drawn [kPa].
@@ -41,11 +43,11 @@ def draw_slides(document: JointDocument, path: Path) -> Path:
     ]
     named = [row.title for row in document.slides] + [name for name, _, _ in others]
     figure, (ax,) = style.chart([ROW * len(named)], left=1.85, below=0.5, foot=0.55)
-    _ratio_axis(ax)
+    least = _ratio_axis(ax, document)
     style.rows(ax, named, width=27)
     ax.axvspan(*document.relation.median.interval_95, color=style.PALE, alpha=0.35, linewidth=0)
     for place, row in enumerate(document.slides):
-        _slide(ax, place, row)
+        _slide(ax, place, row, least)
         for author in (one for one in document.authors if one.case == row.case):
             face = "white" if author.recalled else style.OTHERS
             ax.plot(author.ratio, place + 0.3, "o", color=style.OTHERS, mfc=face, markersize=3.5)
@@ -98,18 +100,24 @@ def draw_blow_counts(document: JointDocument, path: Path) -> Path:
     return style.save_figure(figure, path)
 
 
-def _ratio_axis(ax: Axes) -> None:
+def _ratio_axis(ax: Axes, document: JointDocument) -> float:
+    """Set the axis of the ratio; its lower end, which every interval of 95 % has within."""
+    told = [row.ratio_95[0] for row in document.slides if row.kind != "undetermined"]
+    lowest = min([*told, document.ratio.interval_95[0], ENDS[0]])
+    least = max((end for end in LOWER_ENDS if end <= lowest), default=LOWER_ENDS[0])
+    ticks = [tick for tick in (*LOWER_ENDS[:-1], *TICKS) if tick >= least]
     style.quiet(ax, grid="x", left=False)
     ax.set_xscale("log")
-    ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
+    ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.minorticks_off()
-    ax.set_xlim(*ENDS)
+    ax.set_xlim(least, ENDS[1])
     style.labels(ax, style.words("S_r/σ'_v0"))
+    return least
 
 
-def _slide(ax: Axes, place: int, row: SlideRow) -> None:
+def _slide(ax: Axes, place: int, row: SlideRow, least: float) -> None:
     if row.kind == "undetermined":
-        style.tell(ax, ENDS[0], place, "not determined")
+        style.tell(ax, least, place, "not determined")
         return
     low, high = row.ratio_95
     ax.barh(place, high - low, left=low, height=0.5, color=style.PALE_BEFORE, linewidth=0)

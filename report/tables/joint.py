@@ -16,7 +16,7 @@ def slide_table(document: JointDocument) -> Table:
     rows = [
         [
             one.title,
-            KINDS[one.kind],
+            KINDS[one.kind] + ", from numbers" * (not one.drawn),
             None if one.kind == "undetermined" else _ratio(one),
             _range(one.ratio_95) if one.kind == "slide" else None,
             one.verdict.replace("_", " ") or "none made",

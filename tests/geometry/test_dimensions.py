@@ -20,7 +20,10 @@ from pipeline.cli import InputError
 from pipeline.places import ROOT
 from tests.budget import examples
 
-EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*_dimensions.yaml"))
+EXAMPLES = [
+    *sorted((ROOT / "docs" / "examples").glob("*_dimensions.yaml")),
+    *sorted((ROOT / "case_histories").glob("*/dimensions.yaml")),
+]
 PAGE = ROOT / "docs" / "how-to" / "add-a-slide.md"
 
 FIVE = {
@@ -86,14 +89,18 @@ def test_the_median_section_by_hand():
     assert scene.materials[FILL].density == scene.materials[LIQUEFIED].density == 1950.0
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_slides_of_the_page_are_there():
+    assert len(EXAMPLES) == 4
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_the_slides_of_the_page_have_sections(path):
     stated = load_dimensions(path)
     scene = median_section(SectionFamily(stated), path.stem)
     height = stated.height_m.value or 0.5 * (stated.height_m.low + stated.height_m.high)
     top = max(y for zone in scene.zones for _, y in zone.polygon)
     assert top == pytest.approx(height, rel=0.01)
-    assert path.stem.removesuffix("_dimensions") in PAGE.read_text(encoding="utf-8")
+    assert "/".join(path.parts[-2:]) in PAGE.read_text(encoding="utf-8")
 
 
 def test_a_section_is_that_of_the_medians_to_a_millimetre():

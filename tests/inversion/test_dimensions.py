@@ -14,12 +14,14 @@ from geometry.dimensions.stated import FILE_NAME
 from inversion.back_analysis.case import InversionCase, inversion_case
 from inversion.back_analysis.variants import sides
 from inversion.engines.run_store import RunStore
+from inversion.new_case.from_dimensions import case_of_dimensions
 from inversion.posterior.document import load_posterior
 from inversion.posterior.runs import CaseModel
 from inversion.posterior.unknown import varied_case
 from inversion.problem.question import UnknownDimension
 from pipeline.cli import InputError
 from pipeline.config import load_config
+from pipeline.places import ROOT
 
 FIVE = """# Five numbers.
 slid_face: upstream
@@ -31,6 +33,12 @@ pool_m: 6
 runout_m: {value: 8, low: 6, high: 10, how: abstract, source: a paper}
 duration_s: 12 +- 3
 """
+
+
+#: Slides that ship with their numbers alone.
+FAMILIES = ["fort_peck", "sheffield", "wachusett"]
+#: What `new` leaves to its user, who may write more of it.
+TEXT = "README.md"
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +112,26 @@ def test_a_section_that_was_changed_by_hand_is_refused(made, tmp_path):
     question.write_text(question.read_text().replace("dimension: pool_m", "dimension: pool"))
     with pytest.raises(InputError, match="no 'pool'; dimensions.yaml has height_m, "):
         inversion_case(load_case(folder))
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_slide_that_ships_is_what_its_numbers_make(name, tmp_path):
+    shipped, made = ROOT / "case_histories" / name, tmp_path / name
+    case_of_dimensions(str(made), str(shipped / FILE_NAME))
+    assert {path.name for path in shipped.iterdir()} == {path.name for path in made.iterdir()}
+    for path in made.iterdir():
+        if path.name != TEXT:
+            assert path.read_bytes() == (shipped / path.name).read_bytes(), path.name
+    lines = (shipped / TEXT).read_text().splitlines()
+    table = [line for line in (made / TEXT).read_text().splitlines() if line.startswith("|")]
+    assert len(table) > 9 and [line for line in lines if line in table] == table
+    case = inversion_case(load_case(shipped))
+    assert case.setup.family is not None and case.setup.targets.fitted.tolist() == [True]
+
+
+def test_every_slide_that_ships_with_its_numbers_is_tried():
+    there = (ROOT / "case_histories").glob(f"*/{FILE_NAME}")
+    assert sorted(path.parent.name for path in there) == FAMILIES
 
 
 @pytest.mark.parametrize("option", [["--runout", "left=3"], ["--liquefied", "fill"]])

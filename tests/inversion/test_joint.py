@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy import integrate
@@ -19,7 +20,7 @@ from inversion.catalogue.ranges import geometric_mean, load_ranges
 from inversion.joint import infer as joint
 from inversion.joint.build import document_of
 from inversion.joint.document import JointDocument, load_joint
-from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, from_draws, from_result
+from inversion.joint.evidence import BLOCK, BlowCountOfSlide, SlideEvidence, from_draws, from_result
 from inversion.joint.population import (
     RATIOS,
     TAU_STD,
@@ -29,12 +30,14 @@ from inversion.joint.population import (
     predicted_probability,
 )
 from inversion.posterior.document import PosteriorDocument
-from inversion.posterior.draws import Draws
+from inversion.posterior.draws import Draws, save_draws
 from inversion.prediction.known_strength import ratio_of_relation, widened
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import write_json
+from report.charts.joint import _ratio_axis
 from report.joint import summary, write_report
+from report.tables.joint import slide_table
 from tests.inversion import report_case
 from tests.inversion.slides import FEW, NAMES, dams, slide
 
@@ -69,11 +72,31 @@ def test_the_likelihood_of_a_slide_is_the_integral_over_its_ratio():
     assert slide("c", 0.4, 0.1, kind="undetermined").likelihood(mean, std) == 1.0
 
 
-def posterior_of(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
-    """What draws of ln ratio (s,) say, as a posterior leaves them."""
-    none = np.zeros((4000, 0))
+def test_quantiles_of_a_slide_alone_are_those_of_its_mixture():
+    one = slide("a", 0.1, 0.3)
+    expected = 0.1 * np.exp(0.3 * norm.ppf([0.025, 0.5, 0.975]))
+    assert one.quantiles((0.025, 0.5, 0.975)) == pytest.approx(expected, rel=1e-4)
+    two = replace(one, centres=np.log([0.01, 0.5]), weights=np.array([0.25, 0.75]), std=0.01)
+    # The two are far apart: half of the first is an eighth of all, a third of the other a half.
+    expected = [0.01, 0.5 * math.exp(0.01 * norm.ppf(1.0 / 3.0))]
+    assert two.quantiles((0.125, 0.5)) == pytest.approx(expected, rel=3e-3)
+
+
+def test_the_likelihood_on_many_cells_is_that_of_single_ones():
+    two = replace(slide("a", 0.1, 0.2), centres=np.log([0.08, 0.15]), weights=np.array([0.3, 0.7]))
+    means = np.linspace(-4.0, 0.0, 3 * BLOCK // 2).reshape(3, -1)
+    found = two.likelihood(means, np.array(0.3))
+    alone = [two.likelihood(mean, 0.3) for mean in means[:, -1]]
+    assert found.shape == means.shape and found[:, -1] == pytest.approx(alone, rel=1e-12)
+
+
+def posterior_of(
+    after: np.ndarray, prior: np.ndarray, case: str = "a"
+) -> tuple[PosteriorDocument, Draws]:
+    """A posterior with these draws of ln ratio, (s,)."""
+    toe = np.zeros((4000, 1))
     both = (np.exp(after)[:, None], np.exp(prior)[:, None])
-    draws = Draws(["ratio"], *both, [], none, none, np.zeros(4000), {}, {})
+    draws = Draws(["ratio"], *both, ["toe"], toe, toe, np.zeros(4000), {}, {})
     spread = {"mean": 0.1, "std": 0.1, "median": 0.135, "interval_50": (0, 1),
               "interval_95": (0, 1)}  # fmt: skip
     unknown = {"name": "ratio", "label": "r", "kind": "parameter", "property": "strength_ratio",
@@ -81,21 +104,25 @@ def posterior_of(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
                "ratio": spread, "strength_kpa": {**spread, "median": 13.5}, "narrowed": 0.5,
                "sobol": []}  # fmt: skip
     document = PosteriorDocument(
-        case="a", title="A", measurement_set="x", spacing_m=1, coarse_spacing_m=None, physics={},
-        settings={}, unknowns=[unknown], numbers=[], other_ways={}, correlation=[[1.0]],
+        case=case, title=case.title(), measurement_set="x", spacing_m=1, coarse_spacing_m=None,
+        physics={}, settings={}, unknowns=[unknown], numbers=[], other_ways={}, correlation=[[1.0]],
         evidence={"log_evidence": 0, "log_evidence_std": 0, "information_nats": 0},
         runs=dict.fromkeys(("coarse", "refined", "fine", "other_ways", "failed",
                             "simulated_now"), 0),
         remarks=[], timings={}, manifest={},
     )  # fmt: skip
-    return from_draws(document, draws, "posterior.json")
+    return document, draws
+
+
+def said_by(after: np.ndarray, prior: np.ndarray) -> SlideEvidence:
+    return from_draws(*posterior_of(after, prior), "posterior.json")
 
 
 def test_the_prior_of_a_slide_is_divided_out_of_its_draws():
     """A posterior N(-2, 0.3) under a prior N(-1.5, 0.5): the data alone say N(-2.28, 0.375)."""
     random = np.random.default_rng(0)
     prior, after = random.normal(-1.5, 0.5, 4000), random.normal(-2.0, 0.3, 4000)
-    found = posterior_of(after, prior)
+    found = said_by(after, prior)
     precision = 1 / 0.3**2 - 1 / 0.5**2
     mean = (-2.0 / 0.3**2 + 1.5 / 0.5**2) / precision
     assert found.mean == pytest.approx(mean, abs=0.05)
@@ -107,7 +134,7 @@ def test_the_edge_of_a_flat_prior_is_no_evidence():
     """Draws that lean on a bound are weighed evenly there: the ratio is not pushed beyond it."""
     random = np.random.default_rng(0)
     after = -3.0 + np.abs(random.normal(0.0, 0.3, 4000))
-    found = posterior_of(after, random.uniform(-3.0, 0.0, 4000))
+    found = said_by(after, random.uniform(-3.0, 0.0, 4000))
     assert found.mean == pytest.approx(after.mean(), abs=0.03)
     assert found.formal_std == pytest.approx(after.std(), rel=0.1)
 
@@ -231,6 +258,15 @@ def test_the_page_faces_the_slope_that_stood(document, tmp_path):
     assert "recalled, unverified" in page and "Olson and Stark (2002)" in page
 
 
+def test_the_axis_holds_a_slide_that_reaches_far_down(document):
+    first = document.slides[0].model_copy(update={"ratio_95": (0.004, 0.3)})
+    far = document.model_copy(update={"slides": [first, *document.slides[1:]]})
+    axes = [plt.subplots()[1] for _ in range(2)]
+    ends = [_ratio_axis(ax, one) for ax, one in zip(axes, (document, far), strict=True)]
+    assert ends == [ax.get_xlim()[0] for ax in axes] == [0.02, 0.002]
+    plt.close("all")
+
+
 def test_a_dam_without_a_slide_has_the_ratio_of_the_others(document, tmp_path):
     (tmp_path / "joint.json").write_text(document.model_dump_json())
     found = ratio_of_relation(tmp_path)
@@ -285,6 +321,33 @@ def test_results_become_a_relation(tmp_path, capsys):
     assert capsys.readouterr().out == summary(found) + "\n"
     main(["report", str(tmp_path / "out"), "--quiet", "--report", "none"])
     assert capsys.readouterr().out == summary(found) + "\n"
+
+
+def test_a_slide_from_numbers_enters_by_its_posterior_alone(tmp_path):
+    """A back-analysis and a verdict of its median section know nothing of the others."""
+    written(tmp_path, NAMES[0], report_case.parameter("a", ratio=0.13, ratio_std=0.02))
+    written(tmp_path, "wachusett", report_case.parameter("a", ratio=0.3, ratio_std=0.01))
+    cases = [NAMES[0], "wachusett"]
+    settings = load_config(None, [f"results_folder={tmp_path}", *FEW])
+    with pytest.raises(InputError, match="no answer; `flowslide posterior wachusett` makes one"):
+        flowslide.joint(cases, settings=settings)
+    random = np.random.default_rng(0)
+    after, prior = random.normal(-3.0, 0.8, 4000), random.uniform(-5.0, -1.0, 4000)
+    document, draws = posterior_of(after, prior, "wachusett")
+    place = tmp_path / "wachusett" / "posterior"
+    write_json(place / "posterior.json", document.model_dump(mode="json"))
+    save_draws(draws, place / "posterior.nc")
+    write_json(tmp_path / "wachusett" / "diagnosis" / "verdict.json", {"verdict": "adequate"})
+    found = flowslide.joint(cases, settings=settings)
+    drawn, stated = found.slides
+    assert (drawn.drawn, stated.drawn) == (True, False)
+    assert stated.source.endswith("posterior.json") and stated.verdict == ""
+    assert math.log(stated.ratio) == pytest.approx(-3.0, abs=0.1)
+    assert stated.factor == pytest.approx(mean_worth(), abs=1e-3)
+    # Its own range is wider than that of verdicts, so that nothing is added but the kernels.
+    assert stated.log_std == pytest.approx(stated.formal_log_std, rel=0.1)
+    assert any(words.startswith("Wachusett: known by a few numbers") for words in found.remarks)
+    assert [row[1] for row in slide_table(found).rows] == ["ran", "ran, from numbers"]
 
 
 def test_a_prior_of_a_fit_would_count_twice(tmp_path):

@@ -541,7 +541,9 @@ def test_a_seed_is_a_posterior():
 def test_an_emulator_that_knows_less_than_the_survey_is_reported():
     assert coarse_remarks(infer(FormulaModel(runout))) == []
     (line,) = coarse_remarks(infer(FormulaModel(runout), targets(53.0, std=0.001)))
-    assert line.startswith("toe 0: the emulator's error of")
+    assert line.startswith("toe 0: the emulator's error of") and "refined_runs may make" in line
+    two = infer(FormulaModel(runout, two_fidelities=True), targets(53.0, std=0.001))
+    assert "more posterior.fine_runs, or" in coarse_remarks(two)[0]
 
 
 # --- files ---
