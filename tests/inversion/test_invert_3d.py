@@ -150,6 +150,29 @@ def test_variants_and_sensitivities_that_the_solver_lacks_are_left_out(tmp_path)
 
 
 @pytest.mark.slow
+def test_a_strength_ratio_over_a_width_is_that_of_the_plane_section(tmp_path):
+    """Of the settled stress; between smooth flanks."""
+    slab = slab_scene(spacing=1.0)
+    for soil in slab["materials"].values():
+        soil |= {"friction_deg": 0.0, "liquefied": True}
+    ratio = {
+        "name": "ratio", "zones": ["bank"], "property": "strength_ratio", "start": 0.2, "low": 0.03,
+        "high": 0.6,
+    }  # fmt: skip
+    folder = question(tmp_path / "bank", width=6.0, parameters=[ratio])
+    write_text(folder / "scene.yaml", yaml_text(slab))
+    case = inversion_case(load_case(folder, load_config(None, FEW)))
+    plane, wide = (
+        MPMEngine(store).predict([case.setup.at(np.array([0.12]))])[0].values[0]
+        for store in (
+            RunStore(None, threads=1),
+            RunStore3d(section(6.0), "smooth", None, threads=1),
+        )
+    )
+    assert wide == pytest.approx(plane, rel=0.02)
+
+
+@pytest.mark.slow
 def test_the_strength_is_found_from_a_runout_between_flanks(tmp_path):
     folder = question(tmp_path / "bank", width=6.0)
     case = inversion_case(load_case(folder, load_config(None, FEW)))
