@@ -88,6 +88,34 @@ def test_the_first_click_after_a_field_counts(page, workspace):
     assert soil["liquefied"] is True and soil["friction_deg"] == 0
 
 
+def test_the_first_click_after_a_new_name_counts(page, workspace):
+    """It is on a control that was made with the name from before."""
+    section(page)
+    page.locator("summary", has_text="loose").click()
+    page.locator("#section-left .zone input").first.click(click_count=3)
+    page.keyboard.type("silt")
+    page.get_by_label("loose liquefied", exact=True).click()
+    expect(page.get_by_label("silt liquefied", exact=True)).not_to_be_checked()
+    page.get_by_label("name of the material silt").click(click_count=3)
+    page.keyboard.type("sand")
+    page.get_by_label("cohesion of silt [kPa]").click(click_count=3)
+    page.keyboard.type("4")
+    page.keyboard.press("Tab")
+    scene = stored(page, workspace)["scene"]
+    zone = next(one for one in scene["zones"] if one["name"] == "silt")
+    assert zone["material"] == "sand"
+    assert "liquefied" not in scene["materials"]["sand"]
+    assert scene["materials"]["sand"]["cohesion_kpa"] == 4
+
+
+def test_a_list_is_chosen_from_by_words_with_blanks(page):
+    page.locator('[data-mode="survey"]').first.click()
+    page.get_by_label("add a measurement").focus()
+    page.keyboard.type("drop of the")
+    page.keyboard.press("Enter")
+    expect(page.get_by_label("name of crest settlement")).to_have_count(1)
+
+
 def test_a_renamed_material_keeps_the_place_of_the_cursor(page, workspace):
     """The names of the fields change with the name."""
     section(page)
