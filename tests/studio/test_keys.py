@@ -25,6 +25,19 @@ def focused(page: Page) -> str:
     return page.evaluate("document.activeElement.getAttribute('aria-label') ?? ''")
 
 
+def is_accent(page: Page, x: float, y: float) -> bool:
+    """The section has the colour of what is chosen there."""
+    return page.evaluate(
+        """([x, y]) => {
+          const canvas = document.querySelector("#canvas");
+          const { left, top } = canvas.getBoundingClientRect();
+          const [r, g, b] = canvas.getContext("2d").getImageData(x - left, y - top, 1, 1).data;
+          return b > r + 80 && b > g + 20;
+        }""",
+        [x, y],
+    )
+
+
 def section(page: Page) -> None:
     page.locator('[data-mode="section"]').first.click()
     expect(page.locator("#section-left .zone")).to_have_count(3)
@@ -108,12 +121,26 @@ def test_the_first_click_after_a_new_name_counts(page, workspace):
     assert scene["materials"]["sand"]["cohesion_kpa"] == 4
 
 
-def test_a_list_is_chosen_from_by_words_with_blanks(page):
+def test_a_measurement_is_chosen_by_words_with_blanks_and_asks_for_its_place(page):
     page.locator('[data-mode="survey"]').first.click()
     page.get_by_label("add a measurement").focus()
     page.keyboard.type("drop of the")
     page.keyboard.press("Enter")
-    expect(page.get_by_label("name of crest settlement")).to_have_count(1)
+    # What a crest lacks is asked at its fields, and none of them is folded.
+    for label, text in (("value", "2"), ("standard deviation", "0.3")):
+        page.get_by_label(f"{label} of crest settlement [m]", exact=True).click()
+        page.keyboard.type(text)
+    page.get_by_label("source of crest settlement").click()
+    page.keyboard.type("levelled")
+    page.keyboard.press("Tab")
+    place = page.get_by_label("x of crest settlement [m]")
+    expect(place).to_have_attribute("aria-invalid", "true", timeout=WAIT_MS)
+    expect(page.locator("#survey-left .wrong")).to_contain_text("give the place of the crest")
+    place.click()
+    page.keyboard.type("60")
+    page.keyboard.press("Tab")
+    expect(page.locator("#survey-left .wrong")).to_have_count(0, timeout=WAIT_MS)
+    expect(place).to_be_visible()
 
 
 def test_a_renamed_material_keeps_the_place_of_the_cursor(page, workspace):
@@ -655,6 +682,7 @@ def test_escape_takes_a_dragged_vertex_back(page, workspace):
     page.mouse.move(*pixel_of(page, 70, 10))
     page.mouse.down()
     page.mouse.move(*pixel_of(page, 73, 12), steps=4)
+    assert is_accent(page, *pixel_of(page, 73, 12)), "the dot goes along"
     page.keyboard.press("Escape")
     page.mouse.move(*pixel_of(page, 75, 13), steps=4)
     page.mouse.up()

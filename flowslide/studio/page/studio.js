@@ -64,7 +64,10 @@ const documents = new Documents({
     proposeOnce();
     if (state.mode !== "section") slide.flow();
   },
-  conflict(found) { apart("This case was changed elsewhere while you edited it.", found); },
+  conflict(found) {
+    say(`not saved: ${CHOOSE}`, true);
+    apart("This case was changed elsewhere while you edited it.", found);
+  },
   elsewhere: async () => { if (await open(state.name, true, true)) say("changed elsewhere: shown as it is now"); },
   failed(words) { say(words, true); },
 });
