@@ -106,8 +106,21 @@ def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
             check(folder, scene)
         except InputError as error:
             message = str(error).removeprefix(f"{folder / DOCUMENTS[part]}: ")
-            faults.append(Fault(part, message.replace(f"{folder}/", "")))
+            faults.append(_of_entry(part, documents, message.replace(f"{folder}/", "")))
     return faults
+
+
+def _of_entry(part: str, documents: Mapping[str, Any], message: str) -> Fault:
+    """A fault at the value of the measurement that it names, where it names one."""
+    found = _OF_ENTRY.fullmatch(message) if part == "measurements" else None
+    if not found:
+        return Fault(part, message)
+    group, name, said = found.groups()
+    for number, entry in enumerate(documents[part]["sets"][group]):
+        if entry["name"] == name and "value_m" in entry:
+            place: Place = ("sets", group, number, entry["type"], "value_m")
+            return Fault(part, f"{_words(name)}: {said}", field=place)
+    return Fault(part, f"{_words(name)}: {said}")
 
 
 def _check_measurements(folder: Path, scene: Scene) -> None:
@@ -167,6 +180,8 @@ LABELS = {
 """Key of a field -> its name, where that is not the key itself without its unit."""
 #: A problem of several fields together: their names come first.
 _OF_FIELDS = re.compile(r"Value error, (\w+(?:(?:, | and )\w+)*): (.+)", re.DOTALL)
+#: A problem of a measurement with the section.
+_OF_ENTRY = re.compile(r"sets\.(\w+): '([^']+)': (.+)", re.DOTALL)
 _UNIT = re.compile(r"_(m|kpa|mpa|deg|s|m_per_s)$")
 _LIMITS = {
     "greater_than": ("must be more than", "gt"),
