@@ -222,6 +222,12 @@ def test_another_case_has_sliders_of_its_own(page):
     for button in ("#keep", "#play", '[data-kind="posterior"]', '[data-kind="predict"]'):
         expect(page.locator(button).first).to_be_disabled()
     expect(page.locator("#ask")).to_contain_text("First to be mended: no zone is drawn yet.")
+    page.locator('[data-mode="section"]').first.click()
+    page.locator("#case").focus()
+    page.keyboard.type("small")
+    page.keyboard.press("Enter")
+    expect(page.locator('body[data-case="small"]')).to_have_count(1, timeout=WAIT_MS)
+    expect(page.locator("#status")).to_have_text("")  # the fault was the other one's
 
 
 def test_the_end_of_a_section_is_seen_and_said(page, workspace):

@@ -166,6 +166,7 @@ async function open(name, again = false, unasked = false) {
   take(found);
   if (!again) { await underlay.open(name); state.first = true; view.show(documents.now.scene); }
   if (found.faults.length) say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
+  else if (!again) say(""); // what was said of another case is nothing of this one
   setMode(again ? state.mode : found.scene.zones?.length ? state.mode : "section");
   document.body.dataset.case = name;
   return true;
