@@ -351,13 +351,15 @@ function fillCases(name) {
 // --- the page ---
 
 function keys(event) {
-  if (/^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
-  const { key } = event;
-  if ((event.ctrlKey || event.metaKey) && /^[zy]$/i.test(key)) {
+  const { key, target } = event;
+  const isTyped = target.matches("input:not([type=checkbox]), textarea");
+  // A text has the browser's own undo, a slider changes no document; a list or a box has none.
+  if (!isTyped && (event.ctrlKey || event.metaKey) && /^[zy]$/i.test(key) && !document.querySelector("dialog[open]")) {
     if (key.toLowerCase() === "y" || event.shiftKey) documents.redo(); else documents.undo();
     event.preventDefault();
     return;
   }
+  if (/^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName)) return;
   if (event.ctrlKey || event.metaKey || document.querySelector("dialog[open]")) return;
   if (justTyped() || event.target.closest("#section-left, #section-right, #survey-left, #survey-right, #body-left")) return;
   if (state.body && body.key(event)) { event.preventDefault(); return; }
