@@ -106,8 +106,21 @@ def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
             check(folder, scene)
         except InputError as error:
             message = str(error).removeprefix(f"{folder / DOCUMENTS[part]}: ")
-            faults.append(Fault(part, message.replace(f"{folder}/", "")))
+            faults.append(_of_entry(part, documents, message.replace(f"{folder}/", "")))
     return faults
+
+
+def _of_entry(part: str, documents: Mapping[str, Any], message: str) -> Fault:
+    """A fault at the value of the measurement that it names, where it names one."""
+    found = _OF_ENTRY.fullmatch(message) if part == "measurements" else None
+    if not found:
+        return Fault(part, message)
+    group, name, said = found.groups()
+    for number, entry in enumerate(documents[part]["sets"][group]):
+        if entry["name"] == name and "value_m" in entry:
+            place: Place = ("sets", group, number, entry["type"], "value_m")
+            return Fault(part, f"{_words(name)}: {said}", field=place)
+    return Fault(part, f"{_words(name)}: {said}")
 
 
 def _check_measurements(folder: Path, scene: Scene) -> None:
@@ -165,6 +178,10 @@ LABELS = {
     "loss": "what is fitted by",
 }
 """Key of a field -> its name, where that is not the key itself without its unit."""
+#: A problem of several fields together: their names come first.
+_OF_FIELDS = re.compile(r"Value error, (\w+(?:(?:, | and )\w+)*): (.+)", re.DOTALL)
+#: A problem of a measurement with the section.
+_OF_ENTRY = re.compile(r"sets\.(\w+): '([^']+)': (.+)", re.DOTALL)
 _UNIT = re.compile(r"_(m|kpa|mpa|deg|s|m_per_s)$")
 _LIMITS = {
     "greater_than": ("must be more than", "gt"),
@@ -175,7 +192,7 @@ _LIMITS = {
 
 
 def _fault(part: str, document: Mapping[str, Any], problem: Problem) -> Fault:
-    place = tuple(problem["loc"])
+    place = tuple(problem["loc"]) + _named(problem)[0][:1]
     zones = zones_at(document, place) if part == "scene" else ()
     return Fault(part, problem_words(part, document, problem), zones, field=place)
 
@@ -185,9 +202,19 @@ def problem_words(part: str, document: Mapping[str, Any], problem: Problem) -> s
     if problem["type"] in _OF_FILES:
         return problem_line(problem, DOCUMENTS[part])
     subject, rest = _subject(part, document, tuple(problem["loc"]))
+    keys, wanted = _named(problem)
+    if keys:
+        labels = ", ".join(_label((key,), document, subject) for key in keys)
+        return ": ".join(filter(None, (subject, labels, _words(wanted))))
     label, wanted = _label(rest, document, subject), _wanted(problem, rest)
     said = wanted if not label or wanted.startswith("say ") else f"{label} {wanted}"
     return f"{subject}: {said}" if subject else said
+
+
+def _named(problem: Problem) -> tuple[tuple[str, ...], str]:
+    """Fields that a problem of an entry names, as in `dx_m, dy_m: give ...`, and what is wanted."""
+    found = _OF_FIELDS.fullmatch(str(problem["msg"])) if problem["type"] == "value_error" else None
+    return (tuple(re.split(", | and ", found[1])), found[2]) if found else ((), "")
 
 
 def _subject(part: str, document: Mapping[str, Any], place: Place) -> tuple[str, Place]:

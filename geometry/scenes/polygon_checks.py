@@ -117,7 +117,7 @@ def zone_faults(
 def _in_words(reason: str) -> str:
     """What GEOS says of an outline, as a person would."""
     what, _, place = reason.removesuffix("]").partition("[")
-    at = f" at ({place.replace(' ', ', ')})" if place else ""
+    at = f" at ({', '.join(f'{float(number):.6g}' for number in place.split())})" if place else ""
     known = {
         "Self-intersection": "it crosses itself",
         "Ring Self-intersection": "it touches itself",

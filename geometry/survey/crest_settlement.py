@@ -31,8 +31,10 @@ class CrestSettlement(SingleLength):
 
     @model_validator(mode="after")
     def _place_belongs_to_the_surface(self) -> CrestSettlement:
-        if (self.at == "initial_crest_x") != (self.x_m is not None):
-            raise ValueError("x_m goes with at: initial_crest_x, and only with it")
+        if self.at == "initial_crest_x" and self.x_m is None:
+            raise ValueError("x_m: give the place of the crest, or choose at: crest_points")
+        if self.at == "crest_points" and self.x_m is not None:
+            raise ValueError("x_m: leave it out, or choose at: initial_crest_x")
         return self
 
     @property

@@ -67,7 +67,7 @@ def test_profile_in_pieces(case_folder):
         (lambda d: d["sets"]["field"][0].update(value_m=70), "value_m 70 lies outside low_m 42"),
         (lambda d: d["sets"]["field"][0].pop("high_m"), "give both or neither"),
         (lambda d: d["sets"]["field"][0].update(type="smell"), "'smell'.*'toe_runout'"),
-        (lambda d: d["sets"]["field"][1].pop("x_m"), "x_m goes with at: initial_crest_x"),
+        (lambda d: d["sets"]["field"][1].pop("x_m"), "x_m: give the place of the crest"),
         (
             lambda d: d["sets"]["field"][1].update(name="upstream toe"),
             "two measurements are called",

@@ -258,6 +258,7 @@ def test_two_tabs_on_one_case_are_told_and_nothing_is_lost(address, browser, wor
     first.bring_to_front()
     fill(first, "spacing [m]", 3)
     expect(first.locator("#apart")).to_contain_text("changed elsewhere")
+    expect(first.locator("#status")).to_contain_text("not saved")
     first.get_by_label("Case").first.select_option("la_marquesa")
     expect(first.locator("#status")).to_contain_text("choose which to keep first")
     expect(first.get_by_label("Case").first).to_have_value("small")
@@ -296,7 +297,9 @@ def test_an_open_page_saves_when_the_studio_is_started_again(lone_workspace, bro
         opened(page)
         page.get_by_role("tab", name="Section").click()
     fill(page, "spacing [m]", 3)
-    expect(page.locator("#status")).to_contain_text("not saved", timeout=WAIT_MS)
+    expect(page.locator("#status")).to_have_text(
+        "not saved: the server does not answer", timeout=WAIT_MS
+    )
     with page.expect_event("dialog") as leaving:  # who leaves now is asked
         page.on("dialog", lambda dialog: dialog.dismiss())
         page.evaluate("setTimeout(() => location.reload())")

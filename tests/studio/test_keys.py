@@ -25,6 +25,19 @@ def focused(page: Page) -> str:
     return page.evaluate("document.activeElement.getAttribute('aria-label') ?? ''")
 
 
+def is_accent(page: Page, x: float, y: float) -> bool:
+    """The section has the colour of what is chosen there."""
+    return page.evaluate(
+        """([x, y]) => {
+          const canvas = document.querySelector("#canvas");
+          const { left, top } = canvas.getBoundingClientRect();
+          const [r, g, b] = canvas.getContext("2d").getImageData(x - left, y - top, 1, 1).data;
+          return b > r + 80 && b > g + 20;
+        }""",
+        [x, y],
+    )
+
+
 def section(page: Page) -> None:
     page.locator('[data-mode="section"]').first.click()
     expect(page.locator("#section-left .zone")).to_have_count(3)
@@ -86,6 +99,48 @@ def test_the_first_click_after_a_field_counts(page, workspace):
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
     soil = stored(page, workspace)["scene"]["materials"]["firm"]
     assert soil["liquefied"] is True and soil["friction_deg"] == 0
+
+
+def test_the_first_click_after_a_new_name_counts(page, workspace):
+    """It is on a control that was made with the name from before."""
+    section(page)
+    page.locator("summary", has_text="loose").click()
+    page.locator("#section-left .zone input").first.click(click_count=3)
+    page.keyboard.type("silt")
+    page.get_by_label("loose liquefied", exact=True).click()
+    expect(page.get_by_label("silt liquefied", exact=True)).not_to_be_checked()
+    page.get_by_label("name of the material silt").click(click_count=3)
+    page.keyboard.type("sand")
+    page.get_by_label("cohesion of silt [kPa]").click(click_count=3)
+    page.keyboard.type("4")
+    page.keyboard.press("Tab")
+    scene = stored(page, workspace)["scene"]
+    zone = next(one for one in scene["zones"] if one["name"] == "silt")
+    assert zone["material"] == "sand"
+    assert "liquefied" not in scene["materials"]["sand"]
+    assert scene["materials"]["sand"]["cohesion_kpa"] == 4
+
+
+def test_a_measurement_is_chosen_by_words_with_blanks_and_asks_for_its_place(page):
+    page.locator('[data-mode="survey"]').first.click()
+    page.get_by_label("add a measurement").focus()
+    page.keyboard.type("drop of the")
+    page.keyboard.press("Enter")
+    # What a crest lacks is asked at its fields, and none of them is folded.
+    for label, text in (("value", "2"), ("standard deviation", "0.3")):
+        page.get_by_label(f"{label} of crest settlement [m]", exact=True).click()
+        page.keyboard.type(text)
+    page.get_by_label("source of crest settlement").click()
+    page.keyboard.type("levelled")
+    page.keyboard.press("Tab")
+    place = page.get_by_label("x of crest settlement [m]")
+    expect(place).to_have_attribute("aria-invalid", "true", timeout=WAIT_MS)
+    expect(page.locator("#survey-left .wrong")).to_contain_text("give the place of the crest")
+    place.click()
+    page.keyboard.type("60")
+    page.keyboard.press("Tab")
+    expect(page.locator("#survey-left .wrong")).to_have_count(0, timeout=WAIT_MS)
+    expect(place).to_be_visible()
 
 
 def test_a_renamed_material_keeps_the_place_of_the_cursor(page, workspace):
@@ -167,6 +222,12 @@ def test_another_case_has_sliders_of_its_own(page):
     for button in ("#keep", "#play", '[data-kind="posterior"]', '[data-kind="predict"]'):
         expect(page.locator(button).first).to_be_disabled()
     expect(page.locator("#ask")).to_contain_text("First to be mended: no zone is drawn yet.")
+    page.locator('[data-mode="section"]').first.click()
+    page.locator("#case").focus()
+    page.keyboard.type("small")
+    page.keyboard.press("Enter")
+    expect(page.locator('body[data-case="small"]')).to_have_count(1, timeout=WAIT_MS)
+    expect(page.locator("#status")).to_have_text("")  # the fault was the other one's
 
 
 def test_the_end_of_a_section_is_seen_and_said(page, workspace):
@@ -184,7 +245,7 @@ def test_the_end_of_a_section_is_seen_and_said(page, workspace):
     expect(page.get_by_label("right end of the section")).to_have_value("goes_on")
     found = stored(page, workspace)["derived"]["ends"]["right"]
     assert found["goes_on"] and found["x_m"] == x
-    page.locator("#undo").click()
+    page.keyboard.press("Control+z")  # in the list, which has no undo of its own
     expect(page.get_by_label("right end of the section")).to_have_value("free")
 
 
@@ -627,6 +688,7 @@ def test_escape_takes_a_dragged_vertex_back(page, workspace):
     page.mouse.move(*pixel_of(page, 70, 10))
     page.mouse.down()
     page.mouse.move(*pixel_of(page, 73, 12), steps=4)
+    assert is_accent(page, *pixel_of(page, 73, 12)), "the dot goes along"
     page.keyboard.press("Escape")
     page.mouse.move(*pixel_of(page, 75, 13), steps=4)
     page.mouse.up()

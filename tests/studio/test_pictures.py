@@ -11,6 +11,7 @@ import matplotlib.image
 import pytest
 from playwright.sync_api import expect
 
+from benchmarks.studio import pixel_of
 from geometry.scenes.drawings import read_section
 from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored
 
@@ -66,6 +67,17 @@ def test_a_deposit_is_saved_as_it_is_seen(page, tmp_path):
     assert len(drawing.findall(f".//{name}rect")) > points
     words = [one.text for one in drawing.findall(f".//{name}text")]
     assert "loose" in words and "measured toe" in words
+    # At the edge of the window the words leave the numbers of the heights alone.
+    canvas = page.locator("#canvas").bounding_box()
+    x, y = pixel_of(page, 26.0, 20.0)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(canvas["x"] + 4, y, steps=3)
+    page.mouse.up()
+    drawing = ElementTree.parse(saved(page, "svg").path()).getroot()
+    toe = next(one for one in drawing.findall(f".//{name}text") if one.text == "measured toe")
+    assert toe.get("text-anchor") == "middle"
+    assert float(toe.get("x")) > 60
     saved(page, "png").save_as(tmp_path / "slide.png")
     canvas = page.locator("#canvas").bounding_box()
     high, wide, _ = matplotlib.image.imread(tmp_path / "slide.png").shape

@@ -74,6 +74,23 @@ def test_what_changes_elsewhere_while_an_edit_is_checked_stays(workspace, monkey
     assert read_yaml(place)["spacing"] == 1.5
 
 
+def test_a_measurement_that_does_not_go_with_the_section_is_wrong_at_its_field(workspace):
+    case = workspace.read("small")
+    entry = case["measurements"]["sets"]["field"][0]
+    entry["value_m"] = 190.0
+    case["scene"]["domain"]["left"] = "far"
+    (fault,) = workspace.faults("small", case)
+    assert fault.message.startswith("toe: the toe: -150 lies beyond the end of the drawn ground")
+    assert fault.field == ("sets", "field", 0, "toe_runout", "value_m")
+    case["measurements"]["sets"]["field"] = [
+        {key: entry[key] for key in ("std_is", "confidence", "source")}
+        | {"name": "post", "type": "marker_displacement", "x_m": 60.0, "y_m": 6.0, "std_m": 1.0}
+    ]
+    fault = next(one for one in workspace.faults("small", case) if one.document == "measurements")
+    assert fault.message == "post: dx, dy: give at least one of them"
+    assert fault.field[-1] == "dx_m"
+
+
 def test_faults_of_each_document_are_named_in_words_at_their_fields(workspace):
     case = workspace.read("small")
     entry = case["measurements"]["sets"]["field"][0]

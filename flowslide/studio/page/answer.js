@@ -1,6 +1,6 @@
 // Questions about a case, the jobs that answer them, what they found, and their reports.
 
-import { get, send } from "./api.js";
+import { get, reached, send } from "./api.js";
 import { draw, historyChart, impliedChart, misfitChart, rankingChart } from "./charts.js";
 import { asValues, namedEffects, switches, tellSwitches } from "./effect_switches.js";
 import { askStrengths } from "./predict.js";
@@ -259,7 +259,8 @@ function open(job, file) {
 
 async function download(job) {
   say("printing the report ...");
-  const answer = await fetch(`/api/jobs/${job.id}/pdf`);
+  let answer;
+  try { answer = await reached(`/api/jobs/${job.id}/pdf`); } catch (error) { say(error.message, true); return; }
   if (!answer.ok) { say((await answer.json()).message, true); return; }
   const link = el("a", { href: URL.createObjectURL(await answer.blob()), download: `${job.case}-${job.kind}.pdf` });
   link.click();

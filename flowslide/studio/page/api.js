@@ -1,19 +1,24 @@
 // Talks to the server: JSON requests, and the WebSocket of the sliders with its binary messages.
 
 export async function get(path) {
-  return answered(await fetch(path));
+  return answered(await reached(path));
+}
+
+/** A server that is gone is told in the words of the page; each browser has others. */
+export async function reached(path, asked) {
+  try { return await fetch(path, asked); } catch { throw new Error("the server does not answer"); }
 }
 
 /** With `last` the request outlives the page, which its body must be short for (60 kB). */
 export async function send(path, body, method = "POST", last = false) {
-  return answered(await fetch(path, {
+  return answered(await reached(path, {
     method, headers: { "content-type": "application/json" }, body: JSON.stringify(body), keepalive: last,
   }));
 }
 
 /** A file as it is: the body is its bytes. */
 export async function upload(path, file, method = "POST") {
-  return answered(await fetch(path, { method, body: file }));
+  return answered(await reached(path, { method, body: file }));
 }
 
 async function answered(response) {

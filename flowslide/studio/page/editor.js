@@ -141,6 +141,7 @@ export class Editor {
       to = this.meant(now);
       this.draft = copy;
       moveVertex(copy, from, to, only);
+      this.selection.vertex = to; // the dot goes along
       this.view.preview(copy);
       this.on.say(`${to[0]}, ${to[1]} m`);
     };
@@ -150,6 +151,7 @@ export class Editor {
       canvas.removeEventListener("pointerup", end);
       removeEventListener("keydown", escape, true);
       this.draft = null;
+      this.selection.vertex = from;
       if (!same(to, from)) {
         this.on.edit("vertex moved", (documents) => moveVertex(documents.scene, from, to, only));
         this.choose({ ...this.selection, vertex: to });

@@ -15,7 +15,7 @@ const words = (name) => name.replaceAll("_", " ");
 /** `page` has documents, editor, faults, materials (forms), derived() (what the server found), underlay and say(words, bad). */
 export class SectionPanel {
   constructor(left, right, page) {
-    Object.assign(this, { left, right, page });
+    Object.assign(this, { left, right, page, renamed: new Map() });
   }
 
   get scene() { return this.page.documents.now.scene; }
@@ -27,6 +27,24 @@ export class SectionPanel {
   }
 
   edit(what, change) { this.page.documents.edit(what, ({ scene }) => change(scene)); }
+
+  /** A press that leaves the field of a name is on a control that still has the name from before. */
+  nameNow(scene, name) {
+    let now = name;
+    while (!(now in scene.materials) && this.renamed.has(now)) now = this.renamed.get(now);
+    return now;
+  }
+
+  /** Change a material by the name with which its control was made. */
+  editMaterial(what, name, change) {
+    this.edit(what, (to) => { const soil = to.materials[this.nameNow(to, name)]; if (soil) change(soil); });
+  }
+
+  renameMaterial(scene, old, name) {
+    renameMaterial(scene, old, name);
+    this.renamed.delete(name);
+    this.renamed.set(old, name);
+  }
 
   show() {
     const { scene } = this;
@@ -83,7 +101,7 @@ export class SectionPanel {
       const { scene } = documents;
       renameZone(documents, i, name);
       // A material of its own goes by the name of its zone.
-      if (scene.zones[i].material === old && !(name in scene.materials)) renameMaterial(scene, old, name);
+      if (scene.zones[i].material === old && !(name in scene.materials)) this.renameMaterial(scene, old, name);
     });
   }
 
@@ -92,9 +110,9 @@ export class SectionPanel {
       ...Object.keys(scene.materials).map((name) => new Option(words(name), name, false, name === zone.material)),
       new Option("new material", ""));
     choice.addEventListener("change", () => this.edit("material of a zone", (to) => {
-      let name = choice.value;
+      let name = choice.value && this.nameNow(to, choice.value);
       if (!name) {
-        for (let k = 1; !name || name in to.materials; k += 1) name = k === 1 ? zone.name : `${zone.name}_${k}`;
+        for (let k = 1; !name || name in to.materials; k += 1) name = k === 1 ? to.zones[i].name : `${to.zones[i].name}_${k}`;
         to.materials[name] = {};
       }
       to.zones[i].material = name;
@@ -113,7 +131,7 @@ export class SectionPanel {
       if (key === "cohesion_kpa" && soil.liquefied) label = hasRatio ? "least S_r" : "S_r, first guess";
       return field({ words: `${label} of ${words(name)}`, shown: label, key: `${name}.${key}`, kind, value: soil[key], unit, help: meaning, holder: usual ?? "",
         ...this.at("materials", name, key) },
-        (value) => this.edit(label, (to) => { if (value === null) delete to.materials[name][key]; else to.materials[name][key] = value; }));
+        (value) => this.editMaterial(label, name, (now) => { if (value === null) delete now[key]; else now[key] = value; }));
     };
     const first = fields.filter(({ key }) => FIRST.includes(key));
     const rest = fields.filter(({ key }) => !FIRST.includes(key));
@@ -125,11 +143,10 @@ export class SectionPanel {
       el("summary", {}, swatch(zoneColours({ ...scene, zones: [{ material: name }] })[0]), ` ${words(name)} `,
         el("span", { className: "note", textContent: summary })),
       field({ words: `name of the material ${words(name)}`, shown: "name", key: `${name}.name`, kind: "text", value: name },
-        (value) => { if (value && !(value in this.scene.materials)) this.edit("material renamed", (to) => renameMaterial(to, name, value)); else this.show(); }),
+        (value) => { if (value && !(value in this.scene.materials)) this.edit("material renamed", (to) => this.renameMaterial(to, this.nameNow(to, name), value)); else this.show(); }),
       field({ words: `${words(name)} liquefied`, shown: "liquefied", key: `${name}.liquefied`, kind: "switch", value: soil.liquefied,
         help: "its strength is a residual strength S_r: the unknown of a back-analysis" },
-      (value) => this.edit("liquefied", (to) => {
-        const now = to.materials[name];
+      (value) => this.editMaterial("liquefied", name, (now) => {
         if (value) Object.assign(now, { liquefied: true, friction_deg: 0 });
         else { delete now.liquefied; delete now.friction_deg; delete now.strength_ratio; }
       })),

@@ -64,7 +64,10 @@ const documents = new Documents({
     proposeOnce();
     if (state.mode !== "section") slide.flow();
   },
-  conflict(found) { apart("This case was changed elsewhere while you edited it.", found); },
+  conflict(found) {
+    say(`not saved: ${CHOOSE}`, true);
+    apart("This case was changed elsewhere while you edited it.", found);
+  },
   elsewhere: async () => { if (await open(state.name, true, true)) say("changed elsewhere: shown as it is now"); },
   failed(words) { say(words, true); },
 });
@@ -163,6 +166,7 @@ async function open(name, again = false, unasked = false) {
   take(found);
   if (!again) { await underlay.open(name); state.first = true; view.show(documents.now.scene); }
   if (found.faults.length) say(`${found.faults[0].document}: ${found.faults[0].message}`, true);
+  else if (!again) say(""); // what was said of another case is nothing of this one
   setMode(again ? state.mode : found.scene.zones?.length ? state.mode : "section");
   document.body.dataset.case = name;
   return true;
@@ -347,13 +351,15 @@ function fillCases(name) {
 // --- the page ---
 
 function keys(event) {
-  if (/^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
-  const { key } = event;
-  if ((event.ctrlKey || event.metaKey) && /^[zy]$/i.test(key)) {
+  const { key, target } = event;
+  const isTyped = target.matches("input:not([type=checkbox]), textarea");
+  // A text has the browser's own undo, a slider changes no document; a list or a box has none.
+  if (!isTyped && (event.ctrlKey || event.metaKey) && /^[zy]$/i.test(key) && !document.querySelector("dialog[open]")) {
     if (key.toLowerCase() === "y" || event.shiftKey) documents.redo(); else documents.undo();
     event.preventDefault();
     return;
   }
+  if (/^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName)) return;
   if (event.ctrlKey || event.metaKey || document.querySelector("dialog[open]")) return;
   if (justTyped() || event.target.closest("#section-left, #section-right, #survey-left, #survey-right, #body-left")) return;
   if (state.body && body.key(event)) { event.preventDefault(); return; }

@@ -89,7 +89,10 @@ export class SurveyPanel {
   entry(entry, i) {
     const form = this.page.forms.find(({ type }) => type === entry.type);
     const { inversion } = this.documents;
-    const required = (form?.fields ?? []).filter(({ key, required: must }) => must || key === "held_out" || key === "std_is");
+    // A number that is given, or that is wanted, is not looked for in a fold.
+    const isSeen = ({ key, kind, required: must }) => must || key === "held_out" || key === "std_is"
+      || (kind === "number" && entry[key] !== undefined) || this.at("measurements", "sets", this.set, i, entry.type, key).wrong;
+    const required = (form?.fields ?? []).filter(isSeen);
     const rest = (form?.fields ?? []).filter((one) => !required.includes(one) && !(entry.type === "surface_profile" && one.key === "part"));
     const set = (key) => (value) => this.edit(keyWords(key)[0], (entries, documents) => {
       if (key === "name" && documents.inversion?.fit) documents.inversion.fit = documents.inversion.fit.map((one) => (one === entries[i].name ? value : one));

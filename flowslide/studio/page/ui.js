@@ -73,6 +73,8 @@ export function keyWords(key) {
   return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m3" : ""];
 }
 
+const TYPE_AHEAD = 1000; // ms in which browsers take letters for the words of an entry
+
 /**
  * Act when something is chosen in a list that does something at once, such as one that adds.
  *
@@ -82,13 +84,16 @@ export function keyWords(key) {
 export function onChosen(list, act, rest = () => "") {
   let stepping = false; // by keys, in the folded list
   let unfolded = false; // by keys: the browser tells of the choice itself
+  let lettered = -Infinity; // when a letter was typed: a blank that follows at once is one more
   list.addEventListener("keydown", (event) => {
-    const { key, altKey } = event;
+    const { key, altKey, timeStamp } = event;
+    const isLetter = key.length === 1 && (key !== " " || timeStamp - lettered < TYPE_AHEAD);
+    if (isLetter) lettered = timeStamp;
     if (unfolded) unfolded = !["Enter", "Escape", "Tab"].includes(key);
     else if (key === "Enter" && stepping) { event.preventDefault(); stepping = false; if (list.value) act(); }
     else if (key === "Escape") { stepping = false; list.value = rest(); }
-    else if ([" ", "Enter", "F4"].includes(key) || (altKey && key.startsWith("Arrow"))) { unfolded = true; stepping = false; }
-    else if (key.length === 1 || /^(Arrow|Page|Home|End)/.test(key)) stepping = true;
+    else if ((!isLetter && [" ", "Enter", "F4"].includes(key)) || (altKey && key.startsWith("Arrow"))) { unfolded = true; stepping = false; }
+    else if (isLetter || /^(Arrow|Page|Home|End)/.test(key)) stepping = true;
   });
   list.addEventListener("pointerdown", () => { stepping = unfolded = false; });
   list.addEventListener("change", () => { unfolded = false; if (!stepping) act(); });

@@ -8,6 +8,7 @@ import { paintWater, paintWaterTable } from "./water_view.js";
 const COLOURS = ["#4e79a7", "#d9a441", "#76a06b", "#b6676b", "#8b74a8", "#5fa3a8", "#a98467", "#c17fb0",
   "#6f8f3f", "#7c8794", "#c9785a", "#487d74", "#93793f", "#6977b8", "#a85a83", "#4f9a5e"];
 const LIQUEFIED = "#c8553d";
+const AXIS = 32; // pixels at the left that have the numbers of the heights
 const SCALES = {
   displacement: { words: "displacement", unit: "m" },
   plastic_strain: { words: "plastic shear strain", unit: "" },
@@ -417,7 +418,7 @@ export class View {
       pen.setLineDash([]);
       pen.textAlign = "center";
       const half = 0.5 * pen.measureText(words).width + 4;
-      const at = Math.min(Math.max(px, half), this.canvas.clientWidth - half);
+      const at = Math.min(Math.max(px, AXIS + half), this.canvas.clientWidth - half);
       const isFree = (row) => !rows[row]?.some(([middle, wide]) => Math.abs(middle - at) < wide + half);
       let row = 0;
       while (!isFree(row)) row += 1;

@@ -1,6 +1,6 @@
 // A case in three dimensions: plan, block and section before the slide, a run with its film, what was measured.
 
-import { get, unpack } from "../api.js";
+import { get, reached, unpack } from "../api.js";
 import { download } from "../saving.js";
 import { button, css, el } from "../ui.js";
 import { Film } from "./film.js";
@@ -74,7 +74,7 @@ export function makeBody({ state, say, readings, ask }) {
     const own = turn += 1;
     say("reading the ground ...");
     try {
-      const answer = await fetch(`/api/bodies/${state.name}/ground?spacing_m=${state.spacing}`);
+      const answer = await reached(`/api/bodies/${state.name}/ground?spacing_m=${state.spacing}`);
       if (!answer.ok) throw new Error((await answer.json()).message);
       const found = new Film(unpack(await answer.arrayBuffer()));
       if (own !== turn || !state.body) return;
@@ -93,7 +93,7 @@ export function makeBody({ state, say, readings, ask }) {
     const own = turn += 1; // what was asked for before comes too late
     say("reading the maps of the job ...");
     try {
-      const answer = await fetch(`/api/jobs/${job.id}/files/${file}`);
+      const answer = await reached(`/api/jobs/${job.id}/files/${file}`);
       if (!answer.ok) throw new Error((await answer.json()).message);
       const found = new Film(unpack(await answer.arrayBuffer()));
       if (own !== turn || !state.body) return;
