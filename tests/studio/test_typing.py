@@ -114,6 +114,24 @@ def test_enter_goes_down_and_arrows_step(page, workspace):
     assert focused(page) == "cohesion of firm [kPa]"
 
 
+def test_tab_goes_from_number_to_number_and_rows_come_and_go_by_keys(page, workspace):
+    page.locator("#section-left .zone input").first.click()
+    typed(page, "x of vertex 2 [m]", "71")
+    page.keyboard.type("0.5")
+    page.keyboard.press("Tab")
+    assert focused(page) == "x of vertex 3 [m]"
+    page.keyboard.type("72")  # counts, though the next key is none that leaves the field
+    page.keyboard.press("Insert")
+    assert focused(page) == "x of vertex 4 [m]"
+    ring = saved(page, workspace, "scene", "zones", 0, "polygon")
+    assert ring == [[40, 0], [71, 0.5], [72, 6], [62, 6], [52, 6]]
+    page.keyboard.press("Control+Delete")
+    assert focused(page) == "x of vertex 3 [m]"
+    page.keyboard.press("Control+Delete")
+    ring = saved(page, workspace, "scene", "zones", 0, "polygon")
+    assert ring == [[40, 0], [71, 0.5], [52, 6]]
+
+
 def test_a_block_goes_over_the_vertices_and_beyond(page, workspace):
     """Borders that zones share move together, and one step takes it back."""
     page.locator("#section-left .zone input").nth(2).click()

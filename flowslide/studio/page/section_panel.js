@@ -264,14 +264,31 @@ export class SectionPanel {
         input.addEventListener("focus", () => { this.page.editor.selection = { zone: number, line: kind, vertex: place(i) }; this.page.editor.view.draw(); });
         return el("td", {}, input);
       };
-      const after = points[(i + 1) % points.length];
-      return el("tr", {}, el("td", { textContent: i + 1 }), cell(0), cell(1), el("td", {},
-        button("+", () => this.edit("vertex added", (scene) => insertVertex(scene, rounded([(point[0] + after[0]) / 2, (point[1] + after[1]) / 2]), 2e-3)),
-          { className: "small", title: "a vertex after this one", disabled: kind !== "zone" && i === points.length - 1 }),
-        button("✕", () => {
-          if (!removeVertex(structuredClone(this.scene), place(i))) this.page.say("a zone has at least three vertices", true);
-          else this.edit("vertex removed", (scene) => removeVertex(scene, place(i)));
-        }, { className: "small", title: "remove this vertex" })));
+      const isLast = kind !== "zone" && i === points.length - 1;
+      const add = () => {
+        const [one, next] = [place(i), place((i + 1) % points.length)];
+        this.edit("vertex added", (scene) => insertVertex(scene, rounded([(one[0] + next[0]) / 2, (one[1] + next[1]) / 2]), 2e-3));
+      };
+      const remove = () => {
+        if (!removeVertex(structuredClone(this.scene), place(i))) this.page.say("a zone has at least three vertices", true);
+        else this.edit("vertex removed", (scene) => removeVertex(scene, place(i)));
+      };
+      // Tab goes from number to number, as in a spreadsheet: the buttons have keys instead.
+      const row = el("tr", {}, el("td", { textContent: i + 1 }), cell(0), cell(1), el("td", {},
+        button("+", add, { className: "small", title: "a vertex after this one (Insert)", tabIndex: -1, disabled: isLast }),
+        button("✕", remove, { className: "small", title: "remove this vertex (Ctrl+Delete)", tabIndex: -1 })));
+      row.addEventListener("keydown", (event) => {
+        const act = event.key === "Insert" && !isLast ? add : event.key === "Delete" && event.ctrlKey ? remove : null;
+        if (!act || this.page.documents.shipped) return;
+        event.preventDefault();
+        event.stopPropagation();
+        event.target.blur(); // what is typed counts
+        act();
+        const near = this.right.querySelector(`[data-key="vertex-${act === add ? i + 1 : Math.max(i - 1, 0)}-0"]`);
+        near?.focus();
+        near?.select();
+      });
+      return row;
     });
     return el("div", {}, told, el("table", { className: "vertices" }, el("thead", {}, el("tr", {}, el("td"), ...["x [m]", "y [m]"].map((text) => el("th", { textContent: text })), el("td"))),
       el("tbody", {}, ...rows), kind === "zone" ? el("caption", { textContent: `${area(points).toFixed(1)} m²` }) : ""));
