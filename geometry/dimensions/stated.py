@@ -26,6 +26,8 @@ ASSUMED_SHARE: dict[str, float] = {
 
 #: Heights [m] and slopes [horizontal per vertical] beyond which a number is refused.
 HEIGHT, SLOPE = (0.5, 400.0), (0.5, 12.0)
+#: The same of what has slid.
+FINAL_SLOPE = (1.0, 200.0)
 #: What is hardly meant: higher slides than these [m] are rare, crests wider than these heights too,
 #: and runouts of more heights.
 TALL_M, WIDE_CREST, FAR = 120.0, 1.5, 20.0
@@ -147,6 +149,11 @@ class SlideDimensions(Document):
         None, description="how far the toe ran beyond the foot; positive outward"
     )
     duration_s: StatedNumber | None = Field(None, description="time of 5 to 95 % of the soil's way")
+    final_slope_h_per_v: StatedNumber | None = Field(
+        None,
+        description="how flat the slid soil lies, horizontal per vertical: from its toe to the "
+        "surface where the crest's edge was",
+    )
     note: str = Field("", description="free text")
 
     @model_validator(mode="after")
@@ -154,6 +161,7 @@ class SlideDimensions(Document):
         _check("height_m", self.height_m, *HEIGHT, "m; is it in mm?")
         for key in ("slope_h_per_v", "other_slope_h_per_v"):
             _check(key, getattr(self, key), *SLOPE, "horizontal per vertical; is it in degrees?")
+        _check("final_slope_h_per_v", self.final_slope_h_per_v, *FINAL_SLOPE, "is it in degrees?")
         _check("liquefied_share", self.liquefied_share, 0.02, 0.9, "of the height")
         _check("liquefied_reach", self.liquefied_reach, 0.3, 10.0, "of the way to the crest")
         _check("density", self.density, 1000.0, 3500.0, "kg/m3; is it in t/m3 or kN/m3?")
@@ -176,8 +184,11 @@ class SlideDimensions(Document):
         if self.slid_face == "dry" and self.pool_m is not None:
             raise ValueError("pool_m: there is none before or behind a dry face")
         self._check_base_width()
-        if self.runout_m is None and self.duration_s is None:
-            raise ValueError("give runout_m or duration_s: S_r follows from what was measured")
+        if not any((self.runout_m, self.duration_s, self.final_slope_h_per_v)):
+            raise ValueError(
+                "give runout_m, duration_s or final_slope_h_per_v: S_r follows from what was "
+                "measured"
+            )
         return self
 
     def _check_base_width(self) -> None:

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import Field, PlainValidator, TypeAdapter
 
 from geometry.survey.crest_settlement import CrestSettlement
+from geometry.survey.final_slope import FinalSlope
 from geometry.survey.freeboard import Freeboard
 from geometry.survey.heave import Heave
 from geometry.survey.marker_displacement import MarkerDisplacement
@@ -43,6 +44,7 @@ LIBRARY: tuple[type[Measured], ...] = (
     Freeboard,
     Heave,
     SlipDepth,
+    FinalSlope,
     NoFlow,
 )
 

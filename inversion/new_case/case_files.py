@@ -175,8 +175,8 @@ def measurements_text(
         )
         text += "      # held_out_x_m: [from, to]   # a block that enters no fit and judges it\n"
     text += _comment(
-        "More types: crest_settlement, freeboard, heave, marker_displacement, slip_depth, "
-        "toe_history, velocity."
+        "More types: crest_settlement, final_slope, freeboard, heave, marker_displacement, "
+        "slip_depth, toe_history, velocity."
     )
     return text
 

@@ -7,6 +7,7 @@ dimension is unknown.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from inversion.new_case.case_files import CaseWords, inversion_text, scene_file_
 from inversion.new_case.make_case import new_folder, write_case
 from pipeline.files import read_text, yaml_text
 
-TOE, DURATION = "toe", "duration"
+TOE, DURATION, SLOPE = "toe", "duration", "final slope"
 #: Line before the comments that end a case's file of dimensions.
 TAKEN = "# Not stated above, so drawn from (all values in a range alike; H: heights):"
 #: How far a number may be trusted, as measurements have it.
@@ -110,6 +111,9 @@ def _measurements_text(family: SectionFamily, scene: Scene, words: CaseWords) ->
     if stated.duration_s is not None:
         time = {"name": DURATION, "type": "slide_duration"}
         entries.append({**time, **_numbers(stated.duration_s, "s", 0.0)})
+    if stated.final_slope_h_per_v is not None:
+        slope = {"name": SLOPE, "type": "final_slope", "side": "left"}
+        entries.append({**slope, **_inclination(stated.final_slope_h_per_v)})
     document: Mapping[str, Any] = {
         "case": words.name,
         "upstream": words.upstream,
@@ -130,6 +134,15 @@ def _numbers(stated: StatedNumber, unit: str, least_std: float) -> dict[str, Any
         "confidence": CONFIDENCE[stated.how],
         "source": stated.source or FILE_NAME,
     }
+
+
+def _inclination(stated: StatedNumber) -> dict[str, Any]:
+    """The same of a slope that is stated as horizontal per vertical, in degrees."""
+    flat = stated.middle
+    std = math.degrees(stated.deviation / (1.0 + flat**2))
+    numbers = _numbers(stated, "deg", 0.0)
+    return {**numbers, "value_deg": round(math.degrees(math.atan(1.0 / flat)), 3),
+            "std_deg": round(std, 3)}  # fmt: skip
 
 
 def _readme_text(family: SectionFamily, words: CaseWords) -> str:

@@ -35,6 +35,8 @@ PROFILE = {"name": "survey", "type": "surface_profile", "file": "survey.csv", "s
            "correlation_length_m": 8.0}  # fmt: skip
 STOOD = {"name": "no flow", "type": "no_flow", "side": "left", "limit_m": 1.5, "std_m": 0.5}
 SLIP = {"name": "boring", "type": "slip_depth", "x_m": 14.0, "value_m": 6.0, "std_m": 0.5}
+SLOPE = {"name": "final slope", "type": "final_slope", "side": "left", "value_deg": 9.0,
+         "std_deg": 1.0}  # fmt: skip
 EVERY = [
     TOE,
     CREST,
@@ -47,6 +49,7 @@ EVERY = [
     PROFILE,
     STOOD,
     SLIP,
+    SLOPE,
 ]
 SURVEY = Profile(np.array([8.0, 12.0, 16.0, 20.0]), np.array([4.0, 6.0, 7.0, 6.0]), ["all"] * 4)
 

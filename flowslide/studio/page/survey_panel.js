@@ -11,7 +11,7 @@ const TITLES = {
   toe_runout: "How far the toe ran", surface_profile: "Profile after the slide", crest_settlement: "Drop of the crest",
   freeboard: "Freeboard left", marker_displacement: "A marker that moved", toe_history: "The toe in time",
   velocity: "Speed at a place", slide_duration: "How long it moved", no_flow: "It did not flow",
-  heave: "Heave before the toe", slip_depth: "Depth of the slip",
+  heave: "Heave before the toe", slip_depth: "Depth of the slip", final_slope: "How steep it lies now",
 };
 const STD_HELP = "One standard deviation: two thirds of repeated surveys would lie within it. A levelled line 0.1 to 0.3 m, "
   + "a runout read from a map a tenth of it, a range from several papers a quarter of its width.";
