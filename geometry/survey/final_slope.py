@@ -55,27 +55,24 @@ class FinalSlope(Single):
             raise ValueError(f"{self.name}: needs the ground below the deposit")
         ground, outward = deposit.ground, outward_of(self.side)
         edge = crest_edge(deposit.before, self.side)
-        runout = toe_runout(
+        length, by_toe = toe_runout(
             deposit.position,
             deposit.volume,
             spacing=deposit.spacing,
             side=self.side,
             initial_toe=edge,
             front=deposit.front.get(self.side),
-            derivative=derivative,
+            derivative=True,
         )
-        surface = surface_profile(
+        top, by_top = surface_profile(
             deposit.position,
             deposit.volume,
             edge,
             spacing=deposit.spacing,
             ground=ground,
-            derivative=derivative,
+            derivative=True,
         )
-        length, by_toe = runout if derivative else (runout, None)
-        top, by_top = surface if derivative else (surface, None)
-        foot = ground_elevation(ground, edge + outward * length)
-        rise = float(top - foot)
+        rise = float(top - ground_elevation(ground, edge + outward * length))
         if length <= 0.0 or rise <= 0.0:
             raise ValueError(
                 f"{self.name}: no soil is left between the toe and where the crest's edge was, "
@@ -119,7 +116,7 @@ def crest_edge(before: Deposit, side: Side) -> float:
     outward, spacing = outward_of(side), before.spacing
     x = before.position[:, 0]
     step = spacing / PER_SPACING
-    places = np.arange(x.min(), x.max() + step, step)[:: -outward]
+    places = np.arange(x.min(), x.max() + step, step)[::-outward]
     assert before.ground is not None
     surface = surface_profile(
         before.position, before.volume, places, spacing=spacing, ground=before.ground

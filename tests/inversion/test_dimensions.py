@@ -126,7 +126,19 @@ def test_a_slide_that_ships_is_what_its_numbers_make(name, tmp_path):
     table = [line for line in (made / TEXT).read_text().splitlines() if line.startswith("|")]
     assert len(table) > 9 and [line for line in lines if line in table] == table
     case = inversion_case(load_case(shipped))
-    assert case.setup.family is not None and case.setup.targets.fitted.tolist() == [True]
+    assert case.setup.family is not None and case.setup.targets.fitted.all()
+
+
+def test_a_final_slope_is_an_inclination_with_its_error(tmp_path):
+    """1 in 20 is 2.86 degrees; an error of 2 in 20 is a tenth of it."""
+    file = tmp_path / "numbers.yaml"
+    file.write_text("slid_face: dry\nheight_m: 10\nfinal_slope_h_per_v: 20 +- 2\n")
+    made = case_of_dimensions(str(tmp_path / "flat"), str(file))
+    case = inversion_case(load_case(made.folder))
+    targets = case.setup.targets
+    assert targets.names == ["final slope"] and made.runouts == []
+    assert targets.measured == pytest.approx([2.862], abs=0.001)
+    assert targets.covariance == pytest.approx(np.array([[0.286**2]]), abs=1e-3)
 
 
 def test_every_slide_that_ships_with_its_numbers_is_tried():
