@@ -21,9 +21,9 @@ once = []
 def test_cheap():
     pass
 def test_dear():
-    spin(0.6)
+    spin(1.2)
 def test_somewhat_dear():
-    spin(0.22)
+    spin(0.24)
 def test_that_prepares_for_others():
     if not once:
         spin(0.6)
@@ -58,7 +58,7 @@ def test_what_is_far_over_its_budget_fails_the_run(tmp_path, root, workers, chos
         [sys.executable, "-m", "pytest", "-c", "/dev/null", "-p", "no:cacheprovider", *workers,
          "--rootdir", ".", "-q", "-k", chosen, "test_spins.py"],
         cwd=tmp_path,
-        env={"PATH": "", "PYTHONPATH": str(Path(root)), "CPU_BUDGET_S": "0.15"},
+        env={"PATH": "", "PYTHONPATH": str(Path(root)), "CPU_BUDGET_S": "0.1"},
         capture_output=True,
         text=True,
     )  # fmt: skip

@@ -468,6 +468,28 @@ def test_a_zone_that_is_gone_is_not_asked_for(page, workspace):
     expect(page.locator("#survey-right .parameter")).to_have_count(0)
 
 
+def test_what_the_program_fills_in_is_typed_over_by_who_is_in_the_field(page, workspace):
+    """The answer to a save has a spacing by the height, where none was given."""
+    held = []
+    page.route("**/api/cases/small", lambda route: held.append(route))
+    section(page)
+    spacing = page.locator("#section-left").get_by_label("spacing [m]")
+    spacing.click()
+    page.keyboard.press("Control+a")
+    page.keyboard.press("Delete")
+    page.keyboard.press("Tab")
+    while not held:
+        page.wait_for_timeout(20)
+    page.keyboard.press("Shift+Tab")
+    expect(spacing).to_be_focused()
+    held.pop().continue_()
+    page.unroute("**/api/cases/small")
+    expect(spacing).not_to_have_value("", timeout=WAIT_MS)
+    page.keyboard.type("2")
+    page.keyboard.press("Tab")
+    assert stored(page, workspace)["scene"]["spacing"] == 2
+
+
 def test_a_click_on_the_sheet_chooses_though_a_name_has_the_cursor(page):
     section(page)
     page.locator("#section-left .zone input").first.click()

@@ -171,7 +171,8 @@ function replace(panel, children) {
   const active = panel.contains(document.activeElement) ? document.activeElement : null;
   const place = reachable(panel).indexOf(active);
   const turn = active ? alike(panel, active).indexOf(active) : -1;
-  const whole = active?.value && String(getSelection()) === active.value;
+  // Also an empty one, which the program may fill under the hand of who is about to type.
+  const whole = active?.selectionStart === 0 && active.selectionEnd === active.value.length;
   const before = folds(panel).map(({ dataset, open }) => [dataset.key, open]);
   panel.replaceChildren(...children);
   const now = folds(panel);
