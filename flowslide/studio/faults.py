@@ -117,8 +117,9 @@ def _of_entry(part: str, documents: Mapping[str, Any], message: str) -> Fault:
         return Fault(part, message)
     group, name, said = found.groups()
     for number, entry in enumerate(documents[part]["sets"][group]):
-        if entry["name"] == name and "value_m" in entry:
-            place: Place = ("sets", group, number, entry["type"], "value_m")
+        value = next((key for key in entry if key.startswith("value_")), None)
+        if entry["name"] == name and value is not None:
+            place: Place = ("sets", group, number, entry["type"], value)
             return Fault(part, f"{_words(name)}: {said}", field=place)
     return Fault(part, f"{_words(name)}: {said}")
 

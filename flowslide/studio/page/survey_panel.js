@@ -126,8 +126,8 @@ export class SurveyPanel {
   }
 
   brief(entry) {
-    const value = entry.value_m ?? entry.value_s ?? entry.value_m_per_s ?? entry.limit_m;
-    const std = entry.std_m ?? entry.std_s ?? entry.std_m_per_s;
+    const value = entry.value_m ?? entry.value_s ?? entry.value_m_per_s ?? entry.value_deg ?? entry.limit_m;
+    const std = entry.std_m ?? entry.std_s ?? entry.std_m_per_s ?? entry.std_deg;
     const number = value === undefined ? TITLES[entry.type] ?? words(entry.type) : `${entry.type === "no_flow" ? "< " : ""}${value}`;
     return `${number}${std === undefined ? "" : ` ± ${std}`}${entry.held_out ? ", held out" : ""}`;
   }
