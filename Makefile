@@ -65,7 +65,7 @@ test-numerics: $(READY)
 # What `make test` has just run with few examples is run again with many, and nothing else twice.
 # The longest files begin first (tests/conftest.py).
 test-all: $(READY)
-	HYPOTHESIS_PROFILE=large $(PYTEST) --no-loadscope-reorder -rfEs --durations 30 -m "slow or property"
+	HYPOTHESIS_PROFILE=large $(PYTEST) --no-loadscope-reorder -rfEsR --durations 30 -m "slow or property"
 
 verify: $(READY)
 	$(IN_VENV) python -m benchmarks.verification

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 
 import pytest
 
@@ -16,6 +17,7 @@ PICTURES = os.environ.get("STUDIO_PICTURES")
 """Folder for pictures of the page, such as docs/images/studio; none: no pictures."""
 NEEDS_CHROMIUM = [
     pytest.mark.slow,
+    pytest.mark.flaky(reruns=1),  # a browser on a busy machine; the summary names who had to
     pytest.mark.skipif(
         CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
     ),
@@ -42,6 +44,20 @@ def _faults(told) -> list[str]:
     """What the console of the browser has to say, but for requests that are refused with a word."""
     gone = re.search(r"net::ERR_|status of (400|403|409)|WebSocket connection to", told.text)
     return [] if gone or told.type != "error" else [f"{told.text} {told.location}"]
+
+
+def answered(page, number: int) -> None:
+    """Wait for the answer to a question; where none comes, the page's own words say why."""
+    from playwright.sync_api import expect
+
+    there = page.locator(f'body[data-answered="{number}"]')
+    try:
+        expect(there).to_have_count(1, timeout=WAIT_MS)
+    except AssertionError:
+        told = page.locator("#status").inner_text(), page.evaluate("({ ...document.body.dataset })")
+        words = f"no answer {number}: {told}, errors {page.errors}"
+        warnings.warn(words, stacklevel=2)  # in the summary, also where the second try passes
+        raise AssertionError(words) from None
 
 
 def stored(page, workspace, name: str = "small"):

@@ -108,13 +108,12 @@ def browser(chromium):
 @pytest.fixture
 def page(address, browser):
     """The page once it shows its first deposit; at the end its scripts have had no error."""
-    from playwright.sync_api import expect
 
-    from tests.studio.browsing import WAIT_MS, watched
+    from tests.studio.browsing import answered, watched
 
     found = watched(browser, width=1380, height=860)
     found.goto(address)
-    expect(found.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(found, 1)
     yield found
     assert not found.errors
 

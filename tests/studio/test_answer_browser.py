@@ -13,7 +13,7 @@ from flowslide.studio.case_documents import read_documents
 from flowslide.studio.jobs import Job, JobOptions
 from flowslide.studio.workspace import revision_of
 from pipeline.files import write_json
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, picture
 
 pytestmark = NEEDS_CHROMIUM
 CREST = """
@@ -138,7 +138,7 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
     strength, toe = page.get_by_label("S_r, loose [kPa]"), page.locator("#readings tbody tr").first
 
     def shown(effects: str, value: str, number: int) -> str:
-        expect(page.locator(f'body[data-answered="{number}"]')).to_have_count(1, timeout=WAIT_MS)
+        answered(page, number)
         expect(seen).to_have_text(f"Seen now: {effects}, strength {value} kPa.")
         expect(strength).to_have_value(value)
         return toe.locator("td").nth(2).inner_text()

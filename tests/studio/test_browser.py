@@ -7,14 +7,14 @@ from playwright.sync_api import expect
 
 from benchmarks.studio import serving
 from flowslide.studio.security import write_opening
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, picture, watched
 
 pytestmark = NEEDS_CHROMIUM
 
 
 def _answered(page, number):
     """Wait for the answer to a question; returns the simulated toe."""
-    expect(page.locator(f'body[data-answered="{number}"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, number)
     return page.locator("#readings tbody tr").first.locator("td").nth(2).inner_text()
 
 

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of, serving
 from pipeline.files import read_yaml
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, picture, stored, tab, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, picture, stored, tab, watched
 
 pytestmark = NEEDS_CHROMIUM
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
@@ -83,7 +83,7 @@ def test_an_embankment_is_drawn_surveyed_and_answered(address, browser, workspac
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     page.add_init_script(COUNT_CLICKS)
     page.goto(address)
-    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, 1)
     page.get_by_role("button", name="New", exact=True).click()
     page.keyboard.type("road embankment")
     page.keyboard.press("Enter")

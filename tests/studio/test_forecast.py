@@ -10,7 +10,7 @@ from flowslide.studio.forecast import Forecaster
 from flowslide.studio.live import Asked, question
 from geometry.case import load_case
 from pipeline.places import CASES, shipped
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, watched
 from tests.studio.messages import unpack
 
 pytestmark = pytest.mark.slow
@@ -65,7 +65,7 @@ def test_its_band_is_shown_while_a_slider_is_dragged_until_the_deposit_is_there(
     with serving(CASE, "--threads", "1", cwd=tmp_path) as address:
         page = watched(browser, width=1380, height=860)
         page.goto(address)
-        expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+        answered(page, 1)
         box = page.locator("#sliders input[type=range]").first.bounding_box()
         status = page.locator("#status")
         page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + box["height"] / 2)

@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from benchmarks.studio import CHROMIUM, serving
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, watched
 from tests.studio.forwarding import forwarded
 from tests.studio.messages import unpack
 
@@ -95,10 +95,10 @@ def test_somebody_moves_a_slider_through_another_port(far, browser):
     token, port = far
     page = watched(browser)
     page.goto(f"http://localhost:{port}/?token={token}")
-    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, 1)
     page.locator("#sliders input[type=range]").first.focus()
     page.keyboard.press("ArrowLeft")
-    expect(page.locator('body[data-answered="2"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, 2)
     page.get_by_role("tab", name="Section").click()
     page.locator("#section-left .zone input").first.click(click_count=3)
     page.keyboard.type("silt")

@@ -7,7 +7,7 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of, serving
 from tests.studio.bodies import write_bank
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored, tab
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, stored, tab
 
 pytestmark = NEEDS_CHROMIUM
 #: What is beyond the right edge of the window.
@@ -63,7 +63,7 @@ def test_at_150_percent_nothing_is_cut_off_and_clicks_land_where_the_mouse_is(
     address, browser, workspace
 ):
     page = opened(browser, address, viewport={"width": 853, "height": 600}, device_scale_factor=1.5)
-    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, 1)
     for mode in ("slide", "survey", "section"):
         page.locator(f'[data-mode="{mode}"]').first.click()
         assert page.evaluate(BEYOND) == []
@@ -95,7 +95,7 @@ def test_texts_stand_out_on_either_paper(address, browser, workspace, scheme):
     write_bank(workspace.folder / "bank")
     window = {"viewport": {"width": 1380, "height": 860}, "color_scheme": scheme}
     page = opened(browser, address, **window)
-    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, 1)
     assert page.evaluate("document.documentElement.dataset.theme") == scheme
     for mode in ("slide", "survey", "section"):
         page.locator(f'[data-mode="{mode}"]').first.click()

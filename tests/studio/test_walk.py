@@ -9,9 +9,8 @@ from __future__ import annotations
 import random
 
 import pytest
-from playwright.sync_api import expect
 
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, WALK, watched
+from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, WALK, answered, watched
 from tests.studio.walking import Walk
 
 pytestmark = NEEDS_CHROMIUM
@@ -37,7 +36,7 @@ def test_page_files_and_undo_agree_after_a_walk(browser, lone_workspace, seed):
 def test_every_drag_ends_with_the_answer_to_where_it_ended(address, browser):
     page, chance = watched(browser, width=1380, height=860), random.Random(2)
     page.goto(address)
-    expect(page.locator('body[data-answered="1"]')).to_have_count(1, timeout=WAIT_MS)
+    answered(page, 1)
     slider = page.locator("#sliders input[type=range]").first
     box = slider.bounding_box()
     asked = {}
