@@ -204,6 +204,12 @@ class SlideDimensions(Document):
                 f"{least:.3g} m"
             )
 
+    @property
+    def recalled(self) -> list[str]:
+        """Keys of the numbers that are known from memory alone."""
+        numbers = ((key, getattr(self, key)) for key in type(self).model_fields)
+        return [k for k, one in numbers if isinstance(one, StatedNumber) and one.how == "recalled"]
+
     def doubts(self) -> Iterator[str]:
         """Lines on what is hardly meant."""
         height = self.height_m.middle

@@ -27,7 +27,7 @@ TOE, DURATION, SLOPE = "toe", "duration", "final slope"
 TAKEN = "# Not stated above, so drawn from (all values in a range alike; H: heights):"
 #: How far a number may be trusted, as measurements have it.
 CONFIDENCE = {
-    "read": "published", "abstract": "published", "paper": "paper", "secondary": "recalled",
+    "read": "published", "abstract": "published", "paper": "paper", "secondary": "secondary",
     "recalled": "recalled",
 }  # fmt: skip
 
