@@ -24,8 +24,8 @@ class SlideRow(StrictDocument):
     case: str
     title: str
     kind: Literal["slide", "bound", "undetermined", "recalled"] = Field(
-        description="it ran; it stood, and has a least ratio; its data say nothing of its strength; "
-        "it rests on recalled numbers, and enters no regression"
+        description="it ran; it stood, and has a least ratio; its data leave its strength open; it "
+        "rests on recalled numbers, and enters no regression"
     )
     drawn: bool = Field(
         True, description="its section was drawn; else it is known by a few numbers"

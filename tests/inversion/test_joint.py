@@ -369,7 +369,7 @@ def slide_from_numbers(place: Path, name: str, how: str) -> Path:
 
 
 def test_recalled_numbers_enter_no_regression(tmp_path):
-    """Neither those of a file of dimensions nor a measurement that a drawn section was fitted to."""
+    """Neither of a file of dimensions nor of measurements that a drawn section was fitted to."""
     written(tmp_path, NAMES[0], report_case.parameter("a", ratio=0.13, ratio_std=0.02))
     settings = load_config(None, [f"results_folder={tmp_path}", *FEW])
     notes = slide_from_numbers(tmp_path, "by_notes", "secondary")
