@@ -64,6 +64,7 @@ class FinalSlope(Single):
             side=self.side,
             initial_toe=edge,
             front=deposit.front.get(self.side),
+            ground=deposit.ground,
             derivative=derivative,
         )
         surface = surface_profile(
