@@ -34,6 +34,13 @@ CONFIDENCE = {
 }  # fmt: skip
 
 
+#: What a slide without a pool leaves open.
+DRY = (
+    "slid_face dry: sigma'_v0 has no pore pressure in it, though what liquefied was saturated; "
+    "S_r/sigma'_v0 is too low by its share"
+)
+
+
 @dataclass(frozen=True)
 class CaseOfDimensions:
     """A case folder that was written.
@@ -82,6 +89,8 @@ def case_of_dimensions(name: str, file: str, spacing_m: float | None = None) -> 
     )
     runouts = [] if stated.runout_m is None else [stated.runout_m.middle]
     doubts = [*stated.doubts(), *family.doubts()]
+    if stated.slid_face == "dry":
+        doubts.append(DRY)
     return CaseOfDimensions(folder, scene, family.dimensions, runouts, doubts)
 
 

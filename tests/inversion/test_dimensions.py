@@ -154,6 +154,20 @@ def test_a_range_of_final_slopes_bends(tmp_path):
     assert mean == pytest.approx(math.degrees(math.log(20.0) / 38.0), rel=0.02)
 
 
+def test_a_prediction_says_that_the_section_is_the_median_one(made, tmp_path):
+    known = api.predict(
+        str(made), ["8+-1"], samples=200, seeds=0, spacing_m=1.0, out=tmp_path / "known"
+    )
+    assert any("every dimension at its median" in line for line in known["remarks"])
+
+
+def test_a_dry_slide_says_what_its_ratio_lacks(tmp_path, capsys):
+    file = tmp_path / "numbers.yaml"
+    file.write_text("slid_face: dry\nheight_m: 10\nrunout_m: 12\n")
+    main(["new", str(tmp_path / "dry"), "--dimensions", str(file)])
+    assert "doubtful: slid_face dry: sigma'_v0 has no pore pressure" in capsys.readouterr().out
+
+
 def test_a_small_error_is_no_zero(tmp_path):
     file = tmp_path / "numbers.yaml"
     file.write_text("slid_face: dry\nheight_m: 10\nfinal_slope_h_per_v: 150 +- 0.1\n")
