@@ -105,9 +105,11 @@ def _check(slides: Sequence[SlideEvidence]) -> None:
             raise InputError(f"CASES: {name!r} stands twice; a slide counts once")
     telling = [one for one in slides if one.tells]
     if len(telling) < 2:
+        memory = [f"{one.case} ({', '.join(one.recalled)})" for one in slides if one.recalled]
         raise InputError(
             f"CASES: {len(telling)} of {len(slides)} slides says something of its strength; a "
             "relation needs two"
+            + (f"; left out, as they rest on recalled numbers: {', '.join(memory)}" * bool(memory))
         )
 
 

@@ -381,7 +381,7 @@ def test_recalled_numbers_enter_no_regression(tmp_path):
         found.remarks
     )
     assert slide_table(found).rows[2][1:4] == ["recalled, from numbers", None, None]
-    with pytest.raises(InputError, match="1 of 2 slides says something"):
+    with pytest.raises(InputError, match=r"1 of 2 .*recalled numbers: by_memory \(runout_m\)"):
         flowslide.joint([NAMES[0], memory], settings=settings)
     # A drawn section: what its back-analysis was fitted to.
     drawn = tmp_path / "drawn" / NAMES[2]
