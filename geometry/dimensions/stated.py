@@ -221,9 +221,8 @@ class SlideDimensions(Document):
                 f"pool_m: {pool.ends[1]:g} m must be less than height_m {self.height_m.ends[1]:g}"
             )
         if thick is not None:
-            low, high = (share * height for share in LIQUEFIED_SHARE)
-            words = f"m, {LIQUEFIED_SHARE[0]:g} to {LIQUEFIED_SHARE[1]:g} of height_m {height:g}"
-            _check("liquefied_thickness_m", thick, low, high, words)
+            words = f"m, {LIQUEFIED_SHARE[0]:g} to 1 of height_m {height:g}"
+            _check("liquefied_thickness_m", thick, LIQUEFIED_SHARE[0] * height, height, words)
         self._check_final_slope()
         if self.slid_face == "dry" and self.pool_m is not None:
             raise ValueError("pool_m: there is none before or behind a dry face")

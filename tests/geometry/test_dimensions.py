@@ -159,8 +159,8 @@ def test_every_section_of_a_family_holds_together(scores, thick):
         ({"crest_width_m": {"value": 9, "low": 2, "high": 4}}, "value 9 lies outside"),
         ({"crest_width_m": {"low": 2, "high": 4, "std": 1}}, "std: belongs to a value"),
         ({"crest_width_m": {"how": "read"}}, "give a value, or low and high"),
-        ({"liquefied_thickness_m": 21}, "liquefied_thickness_m: 21: allowed are 0.4 to 18 m"),
-        ({"liquefied_thickness_m": 0.01}, "0.01: allowed are 0.4 to 18 m, .* of height_m 20"),
+        ({"liquefied_thickness_m": 21}, "liquefied_thickness_m: 21: allowed are 0.4 to 20 m"),
+        ({"liquefied_thickness_m": 0.01}, "0.01: allowed are 0.4 to 20 m, .* of height_m 20"),
         ({"liquefied_thickness_m": 0}, "liquefied_thickness_m.value: Input should be greater"),
         ({"pool_m": {"low": 10, "high": 28}}, "pool_m: 28 m must be less than height_m 20"),
         ({"base_width_m": {"low": 60, "high": 200}}, "60 m leaves no room for crest and faces"),
@@ -209,6 +209,8 @@ def test_numbers_that_no_section_has_together_are_doubted():
     assert line == "liquefied_reach 0.4: the other numbers leave room for 0.864"
     assert not list(family(**told, liquefied_thickness_m=5, liquefied_reach=0.8).doubts())
     assert not list(family(**told, liquefied_reach=3.0).doubts())
+    (line,) = family(**told, liquefied_thickness_m=19.5).doubts()
+    assert line == "liquefied_thickness_m 19.5: the other numbers leave room for 18"
 
 
 def test_a_file_that_is_empty_says_so(tmp_path):
