@@ -9,7 +9,7 @@ what liquefied lies in its lowest part, from the slid face inward; all other soi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -57,6 +57,8 @@ LABELS: dict[str, tuple[str, str]] = {
 
 #: Shares of the height: of soil left beside and above what liquefied, and of a pool's freeboard.
 BESIDE, ABOVE, FREEBOARD = 0.15, 0.1, 0.02
+#: Reach from which what liquefied lies under the whole dam, and share within which a number is had.
+WHOLE_DAM, ALIKE = 1.5, 0.02
 #: Where the water of a pool begins and ends to fall, in heights from the middle of the crest.
 FALLS = (-0.1, 0.5)
 #: Room beside the section in heights, and in runouts.
@@ -159,6 +161,25 @@ class SectionFamily:
             soil["density"] = round(values["density"], 4)
         document["materials"][FILL]["friction_deg"] = round(values["fill_friction_deg"], 4)
         return document
+
+    def doubts(self) -> Iterator[str]:
+        """Lines on stated numbers that the median section cannot have; `shape_of` says why."""
+        values = self.values({})
+        shape = shape_of(values, self.stated.slid_face)
+        (inner, thick), (left, right, height) = shape.zones[LIQUEFIED][2], shape.crest
+        reach, whole = inner / (0.5 * (left + right)), values["liquefied_reach"] >= WHOLE_DAM
+        had: dict[str, float] = {
+            "liquefied_thickness_m": thick,
+            "liquefied_share": thick / height,
+            "liquefied_reach": values["liquefied_reach"] if whole else reach,
+            "pool_m": shape.pool_m or 0.0,
+            "slope_h_per_v": left / height,
+        }
+        for key, has in had.items():
+            if key not in values or not self[key].stated:
+                continue
+            if not math.isclose(values[key], has, rel_tol=ALIKE):
+                yield f"{key} {values[key]:.3g}: the other numbers leave room for {has:.3g}"
 
     def _keys(self) -> list[str]:
         given = self.stated

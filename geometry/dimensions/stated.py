@@ -6,12 +6,14 @@ keys catch slips: feet for metres, degrees for a slope. Lengths in m.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from geometry.random_scenes.embankment_dam import FACE
 from geometry.scenes.scene import Document, checked_document
 from pipeline.files import file_or_within, read_yaml
 
@@ -28,9 +30,18 @@ ASSUMED_SHARE: dict[str, float] = {
 HEIGHT, SLOPE = (0.5, 400.0), (0.5, 12.0)
 #: The same of what has slid.
 FINAL_SLOPE = (1.0, 200.0)
+#: Of what liquefied, in heights.
+LIQUEFIED_SHARE = (0.02, 0.9)
+#: Largest standard deviation of a dimension over its value: a lognormal with more spans a factor of
+#: 20 and holds sections that nobody means.
+MOST_STD = 0.5
 #: What is hardly meant: higher slides than these [m] are rare, crests wider than these heights too,
-#: and runouts of more heights.
-TALL_M, WIDE_CREST, FAR = 120.0, 1.5, 20.0
+#: runouts of more heights, slid soil as flat as this [horizontal per vertical], or hardly flatter
+#: than its face: by this factor.
+TALL_M, WIDE_CREST, FAR, FLAT, HARDLY = 120.0, 1.5, 20.0, 60.0, 1.3
+
+
+LOOKS = "must look like 42, 42 +- 2 or {low: 40, high: 45}, in the unit of its key"
 
 
 class StatedNumber(Document):
@@ -60,9 +71,11 @@ class StatedNumber(Document):
             try:
                 return {"value": float(value), **({"std": float(std)} if mark else {})}
             except ValueError:
-                raise ValueError("must look like 42, 42 +- 2 or {low: 40, high: 45}") from None
+                raise ValueError(LOOKS) from None
         if isinstance(given, int | float) and not isinstance(given, bool):
             return {"value": given}
+        if not isinstance(given, Mapping | StatedNumber):
+            raise ValueError(LOOKS)
         return given
 
     @model_validator(mode="after")
@@ -109,6 +122,10 @@ class StatedNumber(Document):
         """What must lie within the range of its key: the ends, or the value twice."""
         low, high = self.low, self.high
         return (self.middle if low is None else low), (self.middle if high is None else high)
+
+
+#: Keys of what was measured after the slide; all others are dimensions of the section.
+MEASURED = ("runout_m", "duration_s", "final_slope_h_per_v")
 
 
 class SlideDimensions(Document):
@@ -158,15 +175,38 @@ class SlideDimensions(Document):
 
     @model_validator(mode="after")
     def _within_ranges(self) -> SlideDimensions:
-        _check("height_m", self.height_m, *HEIGHT, "m; is it in mm?")
-        for key in ("slope_h_per_v", "other_slope_h_per_v"):
-            _check(key, getattr(self, key), *SLOPE, "horizontal per vertical; is it in degrees?")
-        _check("final_slope_h_per_v", self.final_slope_h_per_v, *FINAL_SLOPE, "is it in degrees?")
-        _check("liquefied_share", self.liquefied_share, 0.02, 0.9, "of the height")
+        _check("height_m", self.height_m, *HEIGHT, "m; is it in feet or mm?")
+        slopes = ("slope_h_per_v", SLOPE), ("other_slope_h_per_v", SLOPE)
+        for key, allowed in (*slopes, ("final_slope_h_per_v", FINAL_SLOPE)):
+            words = "horizontal per vertical; is it vertical per horizontal, or in degrees?"
+            _check(key, getattr(self, key), *allowed, words)
+        _check("liquefied_share", self.liquefied_share, *LIQUEFIED_SHARE, "of the height")
         _check("liquefied_reach", self.liquefied_reach, 0.3, 10.0, "of the way to the crest")
         _check("density", self.density, 1000.0, 3500.0, "kg/m3; is it in t/m3 or kN/m3?")
         _check("fill_friction_deg", self.fill_friction_deg, 15.0, 50.0, "degrees")
         return self
+
+    @model_validator(mode="after")
+    def _are_known(self) -> SlideDimensions:
+        for key in type(self).model_fields:
+            stated = getattr(self, key)
+            if not isinstance(stated, StatedNumber) or key in MEASURED or stated.value is None:
+                continue
+            if stated.deviation > MOST_STD * stated.value:
+                raise ValueError(
+                    f"{key}: {stated.value:g} ± {stated.deviation:g} says too little: allowed is a "
+                    f"standard deviation up to {MOST_STD:g} of the value; give low and high instead"
+                )
+        return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_moved(cls, given: Any) -> Any:
+        if isinstance(given, Mapping) and given.get("runout_m") == 0:
+            raise ValueError(
+                "runout_m: 0: nothing ran; a slope that stood is drawn, and measured by no_flow"
+            )
+        return given
 
     @model_validator(mode="after")
     def _holds_together(self) -> SlideDimensions:
@@ -175,12 +215,15 @@ class SlideDimensions(Document):
             raise ValueError("liquefied_thickness_m, liquefied_share: give one of them")
         if self.base_width_m is not None and self.other_slope_h_per_v is not None:
             raise ValueError("base_width_m, other_slope_h_per_v: give one of them")
-        for key in ("liquefied_thickness_m", "pool_m"):
-            stated: StatedNumber | None = getattr(self, key)
-            if stated is not None and not stated.middle < height:
-                raise ValueError(
-                    f"{key}: {stated.middle:g} m must be less than height_m {height:g}"
-                )
+        pool, thick = self.pool_m, self.liquefied_thickness_m
+        if pool is not None and not pool.ends[1] < self.height_m.ends[1]:
+            raise ValueError(
+                f"pool_m: {pool.ends[1]:g} m must be less than height_m {self.height_m.ends[1]:g}"
+            )
+        if thick is not None:
+            words = f"m, {LIQUEFIED_SHARE[0]:g} to 1 of height_m {height:g}"
+            _check("liquefied_thickness_m", thick, LIQUEFIED_SHARE[0] * height, height, words)
+        self._check_final_slope()
         if self.slid_face == "dry" and self.pool_m is not None:
             raise ValueError("pool_m: there is none before or behind a dry face")
         self._check_base_width()
@@ -191,10 +234,18 @@ class SlideDimensions(Document):
             )
         return self
 
+    def _check_final_slope(self) -> None:
+        final, face = self.final_slope_h_per_v, self.slope_h_per_v
+        if final is not None and face is not None and not final.ends[0] > face.middle:
+            raise ValueError(
+                f"final_slope_h_per_v: {final.ends[0]:g} is no flatter than the face was "
+                f"(slope_h_per_v {face.middle:g}); is it in degrees?"
+            )
+
     def _check_base_width(self) -> None:
         if self.base_width_m is None:
             return
-        height, base = self.height_m.middle, self.base_width_m.middle
+        height, base = self.height_m.middle, self.base_width_m.ends[0]
         crest = 0.0 if self.crest_width_m is None else self.crest_width_m.middle
         slid = SLOPE[0] if self.slope_h_per_v is None else self.slope_h_per_v.middle
         least = crest + height * (slid + SLOPE[0])
@@ -204,18 +255,42 @@ class SlideDimensions(Document):
                 f"{least:.3g} m"
             )
 
+    @property
+    def recalled(self) -> list[str]:
+        """Keys of the numbers that are known from memory alone."""
+        numbers = ((key, getattr(self, key)) for key in type(self).model_fields)
+        return [k for k, one in numbers if isinstance(one, StatedNumber) and one.how == "recalled"]
+
     def doubts(self) -> Iterator[str]:
         """Lines on what is hardly meant."""
         height = self.height_m.middle
         if height > TALL_M:
             yield f"height_m {height:g}: is it in feet? Then it is {0.3048 * height:.3g} m"
-        crest, runout = self.crest_width_m, self.runout_m
+        crest, runout, final = self.crest_width_m, self.runout_m, self.final_slope_h_per_v
         if crest is not None and crest.middle > WIDE_CREST * height:
             yield f"crest_width_m {crest.middle:g} is {crest.middle / height:.2g} heights"
         if runout is not None and runout.middle > FAR * height:
             yield (
                 f"runout_m {runout.middle:g} is {runout.middle / height:.0f} heights; is its unit "
                 "right, and is the base level?"
+            )
+        face = FACE[1] if self.slope_h_per_v is None else HARDLY * self.slope_h_per_v.middle
+        if final is not None and final.middle <= face:
+            yield (
+                f"final_slope_h_per_v {final.middle:g} is hardly flatter than faces are; is it in "
+                f"degrees? Then it is {1.0 / math.tan(math.radians(final.middle)):.3g}"
+            )
+        for key in ("slope_h_per_v", "other_slope_h_per_v"):
+            slope: StatedNumber | None = getattr(self, key)
+            if slope is not None and slope.middle < 1.0:
+                yield (
+                    f"{key} {slope.middle:g} is steeper than 45 degrees; is it vertical per "
+                    f"horizontal? Then it is {1.0 / slope.middle:.3g}"
+                )
+        if final is not None and final.middle > FLAT:
+            yield (
+                f"final_slope_h_per_v {final.middle:g} is {math.degrees(1 / final.middle):.2g} "
+                "degrees; less strength than the prior has may be needed"
             )
 
 

@@ -681,6 +681,8 @@ def checked_document(
     Raises:
         InputError: not a mapping, or one that does not hold together; one line.
     """
+    if document is None:
+        raise InputError(f"{source}: is empty; the keys are listed in {page}")
     if not isinstance(document, Mapping):
         raise InputError(f"{source}: must be a mapping of keys, not {type(document).__name__}")
     try:

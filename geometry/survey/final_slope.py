@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
@@ -10,6 +11,7 @@ from pydantic import Field
 
 from geometry.scenes.scene import Scene
 from geometry.sides import Side, outward_of
+from geometry.survey.columns import column_grid, connected, kernel_length
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Deposit, Single
 from geometry.survey.site import Site
@@ -55,22 +57,26 @@ class FinalSlope(Single):
             raise ValueError(f"{self.name}: needs the ground below the deposit")
         ground, outward = deposit.ground, outward_of(self.side)
         edge = crest_edge(deposit.before, self.side)
-        length, by_toe = toe_runout(
+        toe = toe_runout(
             deposit.position,
             deposit.volume,
             spacing=deposit.spacing,
             side=self.side,
             initial_toe=edge,
             front=deposit.front.get(self.side),
-            derivative=True,
+            ground=deposit.ground,
+            derivative=derivative,
         )
-        top, by_top = surface_profile(
+        surface = surface_profile(
             deposit.position,
             deposit.volume,
             edge,
             spacing=deposit.spacing,
             ground=ground,
-            derivative=True,
+            derivative=derivative,
+        )
+        (length, by_toe), (top, by_top) = (
+            one if isinstance(one, tuple) else (one, 0.0) for one in (toe, surface)
         )
         rise = float(top - ground_elevation(ground, edge + outward * length))
         if length <= 0.0 or rise <= 0.0:
@@ -114,14 +120,19 @@ def crest_edge(before: Deposit, side: Side) -> float:
         side: from which it is seen.
     """
     outward, spacing = outward_of(side), before.spacing
-    x = before.position[:, 0]
-    step = spacing / PER_SPACING
-    places = np.arange(x.min(), x.max() + step, step)[::-outward]
-    assert before.ground is not None
-    surface = surface_profile(
-        before.position, before.volume, places, spacing=spacing, ground=before.ground
+    x, length = before.position[:, 0], kernel_length(spacing)
+    member = connected(before.position, before.volume, spacing)
+    places, heights = column_grid(
+        before.position,
+        np.where(member, before.volume, 0.0),
+        length=length,
+        per_length=math.ceil(PER_SPACING * length / spacing),
     )
-    low = ground_elevation(before.ground, places).min()
+    within = (places >= x.min()) & (places <= x.max())
+    places, heights = places[within][::-outward], heights[within][::-outward]
+    assert before.ground is not None
+    ground = ground_elevation(before.ground, places)
+    surface, low = ground + heights, ground.min()
     level = low + CREST_SHARE * (surface.max() - low)
     first = int(np.argmax(surface >= level))
     if first == 0:

@@ -67,6 +67,7 @@ class NoFlow(Length):
             side=self.side,
             initial_toe=self._toe_before(deposit),
             front=deposit.front.get(self.side),
+            ground=deposit.ground,
             derivative=derivative,
         )
 
@@ -85,6 +86,7 @@ class NoFlow(Length):
             side=self.side,
             initial_toe=0.0,
             front=before.front.get(self.side),
+            ground=before.ground,
         )
         return outward_of(self.side) * moved
 

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from geometry.scenes.scene import Document
 
-Confidence = Literal["published", "paper", "recalled", "assumed", "constructed"]
+Confidence = Literal["published", "paper", "secondary", "recalled", "assumed", "constructed"]
 
 
 class Quantity(Document):

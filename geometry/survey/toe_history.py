@@ -104,6 +104,7 @@ class ToeHistory(Length):
             side=self.side,
             initial_toe=deposit.foot[self.side],
             front=deposit.front.get(self.side),
+            ground=deposit.ground,
         )
 
     def _sloped_runout(self, deposit: Deposit, position: np.ndarray) -> tuple[float, np.ndarray]:
@@ -114,6 +115,7 @@ class ToeHistory(Length):
             side=self.side,
             initial_toe=deposit.foot[self.side],
             front=deposit.front.get(self.side),
+            ground=deposit.ground,
             derivative=True,
         )
 

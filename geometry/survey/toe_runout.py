@@ -14,7 +14,14 @@ from geometry.survey.columns import naked_eye_toe, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site, check_in_domain
+from geometry.survey.surface_profile import ground_elevation
 from pipeline.cli import InputError
+
+#: Share of all soil. The front of a deposit that hangs together holds less beyond the place where
+#: it is one spacing thick; what came off and holds more has run on, and is where the slide ends.
+OFF = 0.02
+#: Soil within this many spacings of the ground lies on it, and does not fly.
+LYING = 2.0
 
 
 @overload
@@ -26,6 +33,7 @@ def toe_runout(
     side: Side,
     initial_toe: float,
     front: np.ndarray | None = ...,
+    ground: np.ndarray | float | None = ...,
     derivative: Literal[False] = ...,
 ) -> float: ...
 
@@ -39,6 +47,7 @@ def toe_runout(
     side: Side,
     initial_toe: float,
     front: np.ndarray | None = ...,
+    ground: np.ndarray | float | None = ...,
     derivative: Literal[True],
 ) -> tuple[float, np.ndarray]: ...
 
@@ -52,6 +61,7 @@ def toe_runout(
     side: Side,
     initial_toe: float,
     front: np.ndarray | None = ...,
+    ground: np.ndarray | float | None = ...,
     derivative: bool,
 ) -> float | tuple[float, np.ndarray]: ...
 
@@ -64,9 +74,14 @@ def toe_runout(
     side: Side,
     initial_toe: float,
     front: np.ndarray | None = None,
+    ground: np.ndarray | float | None = None,
     derivative: bool = False,
 ) -> float | tuple[float, np.ndarray]:
     """Distance of the toe from the foot of the section, outward positive.
+
+    Soil that has come off and lies on the ground counts: the toe is no nearer than the place beyond
+    which `OFF` of all soil lies. Otherwise soil too weak to hang together would seem to run less
+    far than stronger soil.
 
     Args:
         position: (N, 2) [m].
@@ -75,6 +90,8 @@ def toe_runout(
         side: left or right of the dam.
         initial_toe: x of the foot before the slide [m], `Scene.foot`.
         front: (N,) bool, points whose front is the toe, `Deposit.front`; None: all.
+        ground: elevation of a level base, or its polyline (P, 2) [m]; None: soil that has come off
+            does not count.
         derivative: return also the derivative.
 
     Returns:
@@ -82,12 +99,34 @@ def toe_runout(
     """
     outward = outward_of(side)
     points, amounts = _part(position, volume, front)
-    if not derivative:
-        return outward * (toe(points, amounts, spacing=spacing, side=side) - initial_toe)
     place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
+    if ground is not None:
+        last = _last_of_most(points, amounts, ground, spacing, outward)
+        if last is not None and outward * (points[last, 0] - place) > 0.0:
+            place, slope = float(points[last, 0]), np.zeros(np.shape(points))
+            slope[last, 0] = 1.0
+    if not derivative:
+        return outward * (place - initial_toe)
     change = np.zeros(np.shape(position))
     change[slice(None) if front is None else front] = outward * slope
     return outward * (place - initial_toe), change
+
+
+def _last_of_most(
+    points: np.ndarray,
+    volume: np.ndarray | float,
+    ground: np.ndarray | float,
+    spacing: float,
+    outward: int,
+) -> int | None:
+    """Number of the point on the ground beyond which `OFF` of all soil lies there; None: none."""
+    amounts = np.broadcast_to(np.asarray(volume, dtype=float), len(points))
+    x, y = np.asarray(points, dtype=float).T
+    lying = np.flatnonzero(y < ground_elevation(ground, x) + LYING * spacing)
+    order = lying[np.argsort(-outward * x[lying], kind="stable")]
+    beyond = np.cumsum(amounts[order])
+    first = int(np.searchsorted(beyond, OFF * amounts.sum()))
+    return int(order[first]) if first < len(order) else None
 
 
 def runout_by_eye(deposit: Deposit, side: Side, initial_toe: float) -> float:
@@ -166,6 +205,7 @@ class ToeRunout(SingleLength):
             side=self.side,
             initial_toe=deposit.foot[self.side],
             front=deposit.front.get(self.side),
+            ground=deposit.ground,
             derivative=derivative,
         )
 

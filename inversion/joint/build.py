@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,13 +12,14 @@ import numpy as np
 
 from geometry.case import Case
 from geometry.dimensions.stated import FILE_NAME as DIMENSIONS_FILE
+from geometry.dimensions.stated import load_dimensions
 from geometry.survey.blow_counts import load_blow_counts
 from inversion.catalogue.catalogue import load_catalogue, load_strengths
 from inversion.catalogue.correlations import RELATIONS
 from inversion.catalogue.ranges import SOURCE, load_ranges
 from inversion.joint import infer as joint
 from inversion.joint.document import FILE_NAME, Author, JointDocument, PublishedRatio
-from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, evidence_of
+from inversion.joint.evidence import BlowCountOfSlide, Kind, SlideEvidence, evidence_of
 from inversion.joint.population import RATIOS, SLOPE_STD, TAU_STD
 from pipeline.cli import InputError
 from pipeline.config import Config
@@ -45,7 +47,11 @@ def slide_of(case: Case, results: str | Path) -> SlideEvidence:
     found = evidence_of(results, f"flowslide {verb} {case.name}", drawn=drawn)
     if found.case != case.name:
         raise InputError(f"{found.source}: is of the case {found.case!r}, not {case.name!r}")
-    return replace(found, blow_count=_blow_count(case, found.zones))
+    recalled = _recalled_measurements(case, found.fitted) if drawn else _recalled_dimensions(case)
+    kind: Kind = "recalled" if recalled and found.tells else found.kind
+    return replace(
+        found, blow_count=_blow_count(case, found.zones), kind=kind, recalled=tuple(recalled)
+    )
 
 
 def save(slides: Sequence[SlideEvidence], config: Config, folder: Path) -> JointDocument:
@@ -97,11 +103,13 @@ def _check(slides: Sequence[SlideEvidence]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"CASES: {name!r} stands twice; a slide counts once")
-    telling = [one for one in slides if one.kind != "undetermined"]
+    telling = [one for one in slides if one.tells]
     if len(telling) < 2:
+        memory = [f"{one.case} ({', '.join(one.recalled)})" for one in slides if one.recalled]
         raise InputError(
             f"CASES: {len(telling)} of {len(slides)} slides says something of its strength; a "
             "relation needs two"
+            + (f"; left out, as they rest on recalled numbers: {', '.join(memory)}" * bool(memory))
         )
 
 
@@ -113,6 +121,18 @@ def _priors() -> dict[str, str]:
         "slope per blow": f"normal, 0 ± {SLOPE_STD:g}",
         "bound": f"holds with probability {1.0 - joint.ZONE_DOUBT:g}",
     }
+
+
+def _recalled_measurements(case: Case, fitted: Sequence[str]) -> list[str]:
+    """Names of fitted measurements that are known from memory alone."""
+    entries = [] if case.survey is None else itertools.chain(*case.survey.sets.values())
+    found = (one.name for one in entries if one.confidence == "recalled" and one.name in fitted)
+    return list(dict.fromkeys(found))
+
+
+def _recalled_dimensions(case: Case) -> list[str]:
+    """Keys of stated numbers that are known from memory alone."""
+    return load_dimensions(case.folder).recalled
 
 
 def _blow_count(case: Case, zones: Sequence[str]) -> BlowCountOfSlide | None:
@@ -176,7 +196,12 @@ def _remarks(slides: Sequence[SlideEvidence], narrowed: float) -> list[str]:
     if narrowed < TOLD_SCATTER:
         found.append("The scatter between slides is mostly its prior's: too few slides.")
     for one in slides:
-        if one.kind == "undetermined":
+        if one.kind == "recalled":
+            found.append(
+                f"{one.title}: rests on recalled numbers ({', '.join(one.recalled)}) and enters no "
+                "regression; its file says how each number is known."
+            )
+        elif one.kind == "undetermined":
             found.append(f"{one.title}: its data leave the strength open; it says nothing here.")
         elif not one.drawn:
             found.append(

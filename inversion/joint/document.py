@@ -23,8 +23,9 @@ class SlideRow(StrictDocument):
 
     case: str
     title: str
-    kind: Literal["slide", "bound", "undetermined"] = Field(
-        description="it ran; it stood, and has a least ratio; its data say nothing of its strength"
+    kind: Literal["slide", "bound", "undetermined", "recalled"] = Field(
+        description="it ran; it stood, and has a least ratio; its data leave its strength open; it "
+        "rests on recalled numbers, and enters no regression"
     )
     drawn: bool = Field(
         True, description="its section was drawn; else it is known by a few numbers"
@@ -43,6 +44,11 @@ class SlideRow(StrictDocument):
     after: Spread | None = Field(
         description="ratio once the other slides are known; null: it says nothing itself"
     )
+
+    @property
+    def tells(self) -> bool:
+        """It says something of the relation."""
+        return self.kind in ("slide", "bound")
 
 
 class JointRelation(StrictDocument):

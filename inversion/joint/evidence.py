@@ -19,16 +19,26 @@ from scipy.special import ndtr
 from scipy.stats import gaussian_kde
 
 from inversion.back_analysis.result import FILE_NAME as RESULT
-from inversion.back_analysis.result import ParameterAnswer, Result, load_result
+from inversion.back_analysis.result import (
+    MeasurementAnswer,
+    ParameterAnswer,
+    Result,
+    load_result,
+)
 from inversion.posterior.document import FILE_NAME as POSTERIOR
-from inversion.posterior.document import PosteriorDocument, UnknownAnswer, load_posterior
+from inversion.posterior.document import (
+    PosteriorDocument,
+    PredictedNumber,
+    UnknownAnswer,
+    load_posterior,
+)
 from inversion.posterior.draws import Draws, key, load_draws
 from inversion.posterior.runs import stress_name
 from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 from pipeline.cli import InputError
 
 STRENGTHS = (RESIDUAL_STRENGTH, STRENGTH_RATIO)
-Kind = Literal["slide", "bound", "undetermined"]
+Kind = Literal["slide", "bound", "undetermined", "recalled"]
 #: Draws of a posterior that are kept; a smooth density needs no more.
 KERNELS = 200
 #: Relations whose likelihood is computed at a time: what a processor holds close by.
@@ -62,7 +72,8 @@ class SlideEvidence:
     Attributes:
         case: name of the case.
         title: of it, in words.
-        kind: slide: it ran; bound: it stood; undetermined: the data say nothing of its strength.
+        kind: slide: it ran; bound: it stood; undetermined: the data say nothing of its strength;
+            recalled: it rests on numbers that are known from memory alone, and does not enter.
         centres: of the Gaussians that make up the likelihood, ln r, (k,); of a bound ln c, (1,).
         weights: of them, (k,), sum 1.
         std: standard deviation of each Gaussian, or of the bound, in ln r.
@@ -77,6 +88,8 @@ class SlideEvidence:
         doubt: of a bound: probability that the zone that liquefied is another, so that it says
             nothing.
         drawn: its section was drawn; else it is known by a few numbers.
+        fitted: names of the measurements that it was fitted to.
+        recalled: names of numbers it rests on that are known from memory alone.
     """
 
     case: str
@@ -95,6 +108,13 @@ class SlideEvidence:
     factor: float = 1.0
     doubt: float = 0.0
     drawn: bool = True
+    fitted: tuple[str, ...] = ()
+    recalled: tuple[str, ...] = ()
+
+    @property
+    def tells(self) -> bool:
+        """It says something of the relation."""
+        return self.kind in ("slide", "bound")
 
     @property
     def mean(self) -> float:
@@ -131,7 +151,7 @@ class SlideEvidence:
             in the common shape; 1 where the slide says nothing.
         """
         mean, std = np.broadcast_arrays(np.asarray(mean, float), np.asarray(std, float))
-        if self.kind == "undetermined":
+        if not self.tells:
             return np.ones(mean.shape)
         width = np.hypot(std, self.std)
         if self.kind == "bound":
@@ -217,6 +237,7 @@ def from_result(result: Result, source: str) -> SlideEvidence:
         source,
         _zones(known or strengths),
         stress,
+        fitted=_fitted(result.measurements),
     )
 
 
@@ -251,6 +272,7 @@ def from_draws(document: PosteriorDocument, draws: Draws, source: str) -> SlideE
         source,
         _zones(strengths),
         float(np.mean([_stress(one) for one in strengths])),
+        fitted=_fitted(document.numbers),
     )
 
 
@@ -262,6 +284,12 @@ def _density(draws: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 def _zones(strengths: Sequence[ParameterAnswer] | Sequence[UnknownAnswer]) -> tuple[str, ...]:
     return tuple(zone for one in strengths for zone in one.zones)
+
+
+def _fitted(numbers: Sequence[MeasurementAnswer] | Sequence[PredictedNumber]) -> tuple[str, ...]:
+    """Names of the measurements that were fitted."""
+    found = (one.group or one.name for one in numbers if one.role == "fitted")
+    return tuple(dict.fromkeys(found))
 
 
 def _stress(one: UnknownAnswer) -> float:

@@ -163,7 +163,7 @@ def slide_row(slide: SlideEvidence, others: Sequence[SlideEvidence]) -> SlideRow
         n1_60=None if count is None else round(count.value, 3),
         n1_60_recalled=count is not None and count.recalled,
         ratio_95=(round(float(low), 5), round(float(high), 5)),
-        after=None if slide.kind == "undetermined" else together(slide, others),
+        after=together(slide, others) if slide.tells else None,
     )
 
 
@@ -304,4 +304,4 @@ def _bounds(slides: Sequence[SlideEvidence]) -> list[SlideEvidence]:
 
 
 def _telling(slides: Sequence[SlideEvidence]) -> list[SlideEvidence]:
-    return [one for one in slides if one.kind != "undetermined"]
+    return [one for one in slides if one.tells]

@@ -59,7 +59,7 @@ def mean_count(slides: Sequence[SlideEvidence]) -> float | None:
 def asked_of(slide: SlideEvidence) -> bool:
     """The slide can tell of a slope: its strength is known, and its blow count was read."""
     count = slide.blow_count
-    return slide.kind != "undetermined" and count is not None and not count.recalled
+    return slide.tells and count is not None and not count.recalled
 
 
 def log_likelihoods(slides: Sequence[SlideEvidence], relation: Hyperparameters) -> np.ndarray:

@@ -146,8 +146,8 @@ def measurements_text(
     text = _comment(
         f"{words.title}: what was measured after the slide. Types and keys: "
         "docs/method/measurements.md.\n"
-        f"{FILL_IN}: confidence (published, paper, recalled, assumed, constructed) and source of "
-        "each entry."
+        f"{FILL_IN}: confidence (published, paper, secondary, recalled, assumed, constructed) and "
+        "source of each entry."
     )
     text += _dump({"case": words.name})
     text += _dump({"upstream": words.upstream}).rstrip() + "   # which side of the section\n"

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from geometry.dimensions.family import Dimension, SectionFamily
 from geometry.dimensions.median_section import median_section
 from geometry.dimensions.stated import FILE_NAME, StatedNumber, load_dimensions
@@ -27,9 +29,16 @@ TOE, DURATION, SLOPE = "toe", "duration", "final slope"
 TAKEN = "# Not stated above, so drawn from (all values in a range alike; H: heights):"
 #: How far a number may be trusted, as measurements have it.
 CONFIDENCE = {
-    "read": "published", "abstract": "published", "paper": "paper", "secondary": "recalled",
+    "read": "published", "abstract": "published", "paper": "paper", "secondary": "secondary",
     "recalled": "recalled",
 }  # fmt: skip
+
+
+#: What a slide without a pool leaves open.
+DRY = (
+    "slid_face dry: sigma'_v0 has no pore pressure in it, though what liquefied was saturated; "
+    "S_r/sigma'_v0 is too low by its share"
+)
 
 
 @dataclass(frozen=True)
@@ -79,7 +88,10 @@ def case_of_dimensions(name: str, file: str, spacing_m: float | None = None) -> 
         },
     )
     runouts = [] if stated.runout_m is None else [stated.runout_m.middle]
-    return CaseOfDimensions(folder, scene, family.dimensions, runouts, list(stated.doubts()))
+    doubts = [*stated.doubts(), *family.doubts()]
+    if stated.slid_face == "dry":
+        doubts.append(DRY)
+    return CaseOfDimensions(folder, scene, family.dimensions, runouts, doubts)
 
 
 def distribution_words(one: Dimension) -> str:
@@ -129,7 +141,7 @@ def _numbers(stated: StatedNumber, unit: str, least_std: float) -> dict[str, Any
     """Value, standard deviation (at least a spacing, to which a toe is read) and where from."""
     return {
         f"value_{unit}": stated.middle,
-        f"std_{unit}": round(max(stated.deviation, least_std), 4),
+        f"std_{unit}": _rounded(max(stated.deviation, least_std)),
         "std_is": "published" if stated.std_is_stated else "assumed",
         "confidence": CONFIDENCE[stated.how],
         "source": stated.source or FILE_NAME,
@@ -139,10 +151,20 @@ def _numbers(stated: StatedNumber, unit: str, least_std: float) -> dict[str, Any
 def _inclination(stated: StatedNumber) -> dict[str, Any]:
     """The same of a slope that is stated as horizontal per vertical, in degrees."""
     flat = stated.middle
-    std = math.degrees(stated.deviation / (1.0 + flat**2))
+    value, std = math.atan(1.0 / flat), stated.deviation / (1.0 + flat**2)
+    if stated.value is None:
+        # Over a range the inclination bends: mean and deviation of all slopes in it.
+        all_alike = np.linspace(*stated.ends, 2001)
+        inclinations = np.arctan(1.0 / all_alike)
+        value, std = float(inclinations.mean()), float(inclinations.std())
     numbers = _numbers(stated, "deg", 0.0)
-    return {**numbers, "value_deg": round(math.degrees(math.atan(1.0 / flat)), 3),
-            "std_deg": round(std, 3)}  # fmt: skip
+    degrees = {"value_deg": round(math.degrees(value), 3), "std_deg": _rounded(math.degrees(std))}
+    return {**numbers, **degrees}
+
+
+def _rounded(std: float) -> float:
+    """To four decimals, of small ones to three figures: never 0."""
+    return round(std, 4) if std > 0.05 else float(f"{std:.3g}")
 
 
 def _readme_text(family: SectionFamily, words: CaseWords) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from geometry.dimensions.stated import FILE_NAME as DIMENSIONS_FILE
 from inversion import PHYSICS_VERSION
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import ENVELOPE, QUANTILES, Distribution, Envelope
@@ -17,6 +18,12 @@ from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 #: Points of an exceedance curve, and probabilities shown in the table, %.
 CURVE_POINTS = 101
 DIGITS = 4
+#: Of a slide from numbers.
+MEDIAN_SECTION = (
+    "the section has every dimension at its median (dimensions.yaml); what is not known of it is "
+    "in no interval here, and a strength from a posterior, in which sections differ, need not "
+    "bring back the measured slide"
+)
 
 
 def document_of(
@@ -27,8 +34,11 @@ def document_of(
     released: Released | None = None,
 ) -> dict[str, Any]:
     """The document (keys: docs/method/prediction.md); lengths in m, volumes in m3 per m."""
+    head = head_of(case.name, case.scene.spacing, strengths, found)
+    if (case.folder / DIMENSIONS_FILE).is_file():
+        head["remarks"].append(MEDIAN_SECTION)
     return {
-        **head_of(case.name, case.scene.spacing, strengths, found),
+        **head,
         "quantities": [
             _quantity(case, found, number)
             for number in range(len(found.names))

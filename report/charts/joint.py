@@ -87,7 +87,7 @@ def draw_blow_counts(document: JointDocument, path: Path) -> Path:
         ax.plot(counts, ratios, color=colour, linewidth=1.2)
         handles.append(Line2D([], [], color=colour, label=relation.label))
     for row in document.slides:
-        if row.n1_60 is not None and row.kind != "undetermined":
+        if row.n1_60 is not None and row.tells:
             _mark(ax, row)
     handles += [
         Patch(color=style.PALE, label="median of the relation, 95 %"),
@@ -102,7 +102,7 @@ def draw_blow_counts(document: JointDocument, path: Path) -> Path:
 
 def _ratio_axis(ax: Axes, document: JointDocument) -> float:
     """Set the axis of the ratio; its lower end, which every interval of 95 % has within."""
-    told = [row.ratio_95[0] for row in document.slides if row.kind != "undetermined"]
+    told = [row.ratio_95[0] for row in document.slides if row.tells]
     lowest = min([*told, document.ratio.interval_95[0], ENDS[0]])
     least = max((end for end in LOWER_ENDS if end <= lowest), default=LOWER_ENDS[0])
     ticks = [tick for tick in (*LOWER_ENDS[:-1], *TICKS) if tick >= least]
@@ -116,8 +116,9 @@ def _ratio_axis(ax: Axes, document: JointDocument) -> float:
 
 
 def _slide(ax: Axes, place: int, row: SlideRow, least: float) -> None:
-    if row.kind == "undetermined":
-        style.tell(ax, least, place, "not determined")
+    if not row.tells:
+        words = "recalled" if row.kind == "recalled" else "not determined"
+        style.tell(ax, least, place, words)
         return
     low, high = row.ratio_95
     ax.barh(place, high - low, left=low, height=0.5, color=style.PALE_BEFORE, linewidth=0)

@@ -8,7 +8,7 @@ from inversion.joint.document import JointDocument, JointRelation, SlideRow
 from report.numbers import number, percent
 from report.table import Table
 
-KINDS = {"slide": "ran", "bound": "stood", "undetermined": "not determined"}
+KINDS = {"slide": "ran", "bound": "stood", "undetermined": "not determined", "recalled": "recalled"}
 
 
 def slide_table(document: JointDocument) -> Table:
@@ -17,7 +17,7 @@ def slide_table(document: JointDocument) -> Table:
         [
             one.title,
             KINDS[one.kind] + ", from numbers" * (not one.drawn),
-            None if one.kind == "undetermined" else _ratio(one),
+            _ratio(one) if one.tells else None,
             _range(one.ratio_95) if one.kind == "slide" else None,
             one.verdict.replace("_", " ") or "none made",
             f"{one.factor:.2f}",

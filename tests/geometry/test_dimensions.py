@@ -159,7 +159,18 @@ def test_every_section_of_a_family_holds_together(scores, thick):
         ({"crest_width_m": {"value": 9, "low": 2, "high": 4}}, "value 9 lies outside"),
         ({"crest_width_m": {"low": 2, "high": 4, "std": 1}}, "std: belongs to a value"),
         ({"crest_width_m": {"how": "read"}}, "give a value, or low and high"),
-        ({"liquefied_thickness_m": 21}, "liquefied_thickness_m: 21 m must be less than height_m"),
+        ({"liquefied_thickness_m": 21}, "liquefied_thickness_m: 21: allowed are 0.4 to 20 m"),
+        ({"liquefied_thickness_m": 0.01}, "0.01: allowed are 0.4 to 20 m, .* of height_m 20"),
+        ({"liquefied_thickness_m": 0}, "liquefied_thickness_m.value: Input should be greater"),
+        ({"pool_m": {"low": 10, "high": 28}}, "pool_m: 28 m must be less than height_m 20"),
+        ({"base_width_m": {"low": 60, "high": 200}}, "60 m leaves no room for crest and faces"),
+        ({"height_m": "20 +- 30"}, "height_m: 20 ± 30 says too little.*give low and high"),
+        ({"height_m": True}, "height_m: must look like 42, 42 \\+- 2"),
+        ({"height_m": "66 ft"}, "height_m: must look like 42.* in the unit of its key"),
+        ({"height_m": 500}, "height_m: 500: allowed are 0.5 to 400 m; is it in feet or mm"),
+        ({"slope_h_per_v": 0.4}, "slope_h_per_v: 0.4: .*is it vertical per horizontal"),
+        ({"final_slope_h_per_v": 2.2}, "2.2 is no flatter than the face was .*2.5.*in degrees"),
+        ({"runout_m": 0}, "nothing ran; a slope that stood is drawn, and measured by no_flow"),
         ({"liquefied_thickness_m": 5, "liquefied_share": 0.3}, "give one of them"),
         ({"base_width_m": 100, "other_slope_h_per_v": 2}, "give one of them"),
         ({"base_width_m": 50}, "leaves no room for crest and faces"),
@@ -183,3 +194,26 @@ def test_what_is_hardly_meant_is_doubted():
     feet, crest, runout = odd.doubts()
     assert "42.7 m" in feet and "2.1 heights" in crest and "21 heights" in runout
     assert not list(family().stated.doubts())
+    (steep,) = family(slope_h_per_v=0.5).stated.doubts()
+    assert "vertical per horizontal? Then it is 2" in steep
+    (degrees,) = family(final_slope_h_per_v=2.9).stated.doubts()
+    assert "is it in degrees? Then it is 19.7" in degrees
+    (flat,) = family(final_slope_h_per_v=190).stated.doubts()
+    assert "190 is 0.3 degrees" in flat
+
+
+def test_numbers_that_no_section_has_together_are_doubted():
+    """17 of 20 m that liquefied on a 3:1 face take 54 m: more than 0.4 of the way to the crest."""
+    told = {"slope_h_per_v": 3, "crest_width_m": 5, "base_width_m": 150}
+    (line,) = family(**told, liquefied_thickness_m=17, liquefied_reach=0.4).doubts()
+    assert line == "liquefied_reach 0.4: the other numbers leave room for 0.864"
+    assert not list(family(**told, liquefied_thickness_m=5, liquefied_reach=0.8).doubts())
+    assert not list(family(**told, liquefied_reach=3.0).doubts())
+    (line,) = family(**told, liquefied_thickness_m=19.5).doubts()
+    assert line == "liquefied_thickness_m 19.5: the other numbers leave room for 18"
+
+
+def test_a_file_that_is_empty_says_so(tmp_path):
+    (tmp_path / "dimensions.yaml").write_text("# nothing yet\n")
+    with pytest.raises(InputError, match="is empty; the keys are listed in docs/how-to/add-a-sl"):
+        load_dimensions(tmp_path)

@@ -219,6 +219,28 @@ def test_a_flying_cloud_is_not_the_toe():
     assert naked_eye_toe(both, 1.0, spacing=1.0, side="left") > -30.0
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_soil_that_came_off_and_lies_on_the_ground_is_where_the_slide_ends(side):
+    """A sheet of a tenth of all soil, 3.5 spacings between its points, 50 to 190 m off the heap."""
+    outward, points = (-1.0 if side == "left" else 1.0), heap(size=12)
+    points[:, 1] -= points[:, 1].min()
+    count = len(points) // 9
+    sheet = np.stack([outward * np.linspace(50.0, 190.0, count), np.full(count, 0.5)], axis=1)
+    reading = {"spacing": 1.0, "side": side, "initial_toe": 0.0, "ground": 0.0}
+    alone = toe_runout(points, 1.0, **reading)
+    both = np.concatenate([points, sheet])
+    found, change = toe_runout(both, 1.0, **reading, derivative=True)
+    # A fiftieth of all soil, a fifth of the sheet, lies farther out.
+    assert found == pytest.approx(190.0 - 0.2 * 140.0, abs=140.0 / count + 1.0) and alone < 40.0
+    check_derivative(lambda p: toe_runout(p, 1.0, **reading), both, change)
+    # What flies does not count, nor do a few points, nor soil off the other foot.
+    assert toe_runout(both + [0.0, 5.0], 1.0, **reading) < 40.0
+    few = np.concatenate([points, sheet[:: count // 3][:3]])
+    assert toe_runout(few, 1.0, **reading) == pytest.approx(alone)
+    other = np.concatenate([points, sheet * [-1.0, 1.0]])
+    assert toe_runout(other, 1.0, **reading) == pytest.approx(alone)
+
+
 @few
 @given(slope=st.floats(0.7, 3.0), height=st.floats(8.0, 15.0))
 def test_front_does_not_depend_on_the_resolution(make_scene, slope, height):

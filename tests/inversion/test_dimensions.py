@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -139,6 +140,40 @@ def test_a_final_slope_is_an_inclination_with_its_error(tmp_path):
     assert targets.names == ["final slope"] and made.runouts == []
     assert targets.measured == pytest.approx([2.862], abs=0.001)
     assert targets.covariance == pytest.approx(np.array([[0.286**2]]), abs=1e-3)
+
+
+def test_a_range_of_final_slopes_bends(tmp_path):
+    """Uniform from 2 to 40: the mean of atan(1 / f) is about ln(20) / 38 rad, no atan(1 / 21)."""
+    file = tmp_path / "numbers.yaml"
+    file.write_text("slid_face: dry\nheight_m: 10\nfinal_slope_h_per_v: {low: 2, high: 40}\n")
+    case = inversion_case(load_case(case_of_dimensions(str(tmp_path / "wide"), str(file)).folder))
+    (mean,), std = case.setup.targets.measured, case.setup.targets.covariance[0, 0] ** 0.5
+    slopes = np.degrees(np.arctan(1.0 / np.random.default_rng(0).uniform(2.0, 40.0, 200_000)))
+    assert mean == pytest.approx(slopes.mean(), rel=0.01)
+    assert std == pytest.approx(slopes.std(), rel=0.01)
+    assert mean == pytest.approx(math.degrees(math.log(20.0) / 38.0), rel=0.02)
+
+
+def test_a_prediction_says_that_the_section_is_the_median_one(made, tmp_path):
+    known = api.predict(
+        str(made), ["8+-1"], samples=200, seeds=0, spacing_m=1.0, out=tmp_path / "known"
+    )
+    assert any("every dimension at its median" in line for line in known["remarks"])
+
+
+def test_a_dry_slide_says_what_its_ratio_lacks(tmp_path, capsys):
+    file = tmp_path / "numbers.yaml"
+    file.write_text("slid_face: dry\nheight_m: 10\nrunout_m: 12\n")
+    main(["new", str(tmp_path / "dry"), "--dimensions", str(file)])
+    assert "doubtful: slid_face dry: sigma'_v0 has no pore pressure" in capsys.readouterr().out
+
+
+def test_a_small_error_is_no_zero(tmp_path):
+    file = tmp_path / "numbers.yaml"
+    file.write_text("slid_face: dry\nheight_m: 10\nfinal_slope_h_per_v: 150 +- 0.1\n")
+    case = inversion_case(load_case(case_of_dimensions(str(tmp_path / "sure"), str(file)).folder))
+    sure = math.degrees(0.1 / (1.0 + 150.0**2))
+    assert case.setup.targets.covariance[0, 0] ** 0.5 == pytest.approx(sure, rel=0.01)
 
 
 def test_every_slide_that_ships_with_its_numbers_is_tried():

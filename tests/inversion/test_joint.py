@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -29,6 +31,7 @@ from inversion.joint.population import (
     log_likelihoods,
     predicted_probability,
 )
+from inversion.new_case.from_dimensions import case_of_dimensions
 from inversion.posterior.document import PosteriorDocument
 from inversion.posterior.draws import Draws, save_draws
 from inversion.prediction.known_strength import ratio_of_relation, widened
@@ -348,6 +351,46 @@ def test_a_slide_from_numbers_enters_by_its_posterior_alone(tmp_path):
     assert stated.log_std == pytest.approx(stated.formal_log_std, rel=0.1)
     assert any(words.startswith("Wachusett: known by a few numbers") for words in found.remarks)
     assert [row[1] for row in slide_table(found).rows] == ["ran", "ran, from numbers"]
+
+
+def slide_from_numbers(place: Path, name: str, how: str) -> Path:
+    """A case of a few numbers, its runout known in some way, with a posterior in the results."""
+    place.mkdir(exist_ok=True)
+    (place / "stated.yaml").write_text(
+        "slid_face: upstream\nheight_m: {value: 20, how: read, source: x}\n"
+        f"runout_m: {{value: 30, how: {how}, source: x}}\n"
+    )
+    case_of_dimensions(str(place / name), str(place / "stated.yaml"))
+    random = np.random.default_rng(0)
+    found = posterior_of(random.normal(-3.0, 0.8, 4000), random.uniform(-5.0, -1.0, 4000), name)
+    write_json(place / name / "posterior" / "posterior.json", found[0].model_dump(mode="json"))
+    save_draws(found[1], place / name / "posterior" / "posterior.nc")
+    return place / name
+
+
+def test_recalled_numbers_enter_no_regression(tmp_path):
+    """Neither of a file of dimensions nor of measurements that a drawn section was fitted to."""
+    written(tmp_path, NAMES[0], report_case.parameter("a", ratio=0.13, ratio_std=0.02))
+    settings = load_config(None, [f"results_folder={tmp_path}", *FEW])
+    notes = slide_from_numbers(tmp_path, "by_notes", "secondary")
+    memory = slide_from_numbers(tmp_path, "by_memory", "recalled")
+    found = flowslide.joint([NAMES[0], notes, memory], settings=settings)
+    assert [one.kind for one in found.slides] == ["slide", "slide", "recalled"]
+    assert found.relation == flowslide.joint([NAMES[0], notes], settings=settings).relation
+    assert "By_Memory: rests on recalled numbers (runout_m) and enters no regression" in "".join(
+        found.remarks
+    )
+    assert slide_table(found).rows[2][1:4] == ["recalled, from numbers", None, None]
+    with pytest.raises(InputError, match=r"1 of 2 .*recalled numbers: by_memory \(runout_m\)"):
+        flowslide.joint([NAMES[0], memory], settings=settings)
+    # A drawn section: what its back-analysis was fitted to.
+    drawn = tmp_path / "drawn" / NAMES[2]
+    shutil.copytree(Path("case_histories") / NAMES[2], drawn)
+    survey = drawn / "measurements.yaml"
+    survey.write_text(survey.read_text().replace("confidence: published", "confidence: recalled"))
+    written(tmp_path, NAMES[2], report_case.parameter("a", ratio=0.13, ratio_std=0.02))
+    found = flowslide.joint([NAMES[0], notes, drawn], settings=settings)
+    assert found.slides[2].kind == "recalled" and found.relation.slides == 2
 
 
 def test_a_prior_of_a_fit_would_count_twice(tmp_path):

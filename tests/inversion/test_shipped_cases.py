@@ -18,6 +18,8 @@ from geometry.survey.surface_profile import surface_profile
 from geometry.survey.toe_runout import toe_runout
 from inversion.back_analysis.case import InversionCase, inversion_case
 from inversion.back_analysis.variants import sides
+from mpm_taichi.simulate import simulate
+from pipeline.config import SimulationSettings
 
 CASES = Path(__file__).resolve().parents[2] / "case_histories"
 
@@ -163,3 +165,23 @@ def test_the_constructed_profile_of_la_marquesa_reads_as_measured():
         surface_profile(soil.position, soil.volume, 13.5, spacing=0.25) for soil in (before, points)
     ]
     assert sunk[0] - sunk[1] == pytest.approx(2.0, abs=0.4)
+
+
+def test_weaker_soil_runs_farther_where_it_comes_off():
+    """What liquefied below Sheffield dam leaves it and lies in a sheet thinner than the points."""
+    scene = load_scene(CASES / "sheffield" / "scene.yaml").changed(spacing=0.6)
+    soil, toes = scene.materials["liquefied_soil"], []
+    weak = [
+        scene.changed(
+            materials={
+                **scene.materials, "liquefied_soil": soil.model_copy(update={"cohesion_kpa": s_r}),
+            }
+        )
+        for s_r in (0.3, 0.6, 1.2, 2.4, 4.8)
+    ]  # fmt: skip
+    for run in simulate(weak, SimulationSettings(duration_s=60.0)):
+        toes.append(
+            toe_runout(run.positions[-1], run.volume, spacing=0.6, side="left", initial_toe=0.0,
+                       ground=0.0)
+        )  # fmt: skip
+    assert np.all(np.diff(toes) < -10.0) and toes[0] > 150.0
