@@ -104,6 +104,10 @@ def main(folder: Path) -> int:
         end = {"state": "done", "message": "", **_work(job, folder, told)}
     except (InputError, WorkFailed) as error:
         end = {"state": "failed", "message": str(error)}
+    except OSError as error:  # a full disk, and the like
+        if error.errno is None:
+            raise
+        end = {"state": "failed", "message": f"{error.filename or folder}: {error.strerror}"}
     finally:
         told.end(end)
     return 0 if end["state"] == "done" else 1

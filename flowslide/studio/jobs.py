@@ -12,6 +12,7 @@ from somewhere else says must start nothing.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -72,6 +73,9 @@ RESULTS: dict[Kind, str] = {
 }
 #: Done in seconds: they wait for nothing, and nothing waits for them.
 LIGHT: tuple[Kind, ...] = ("classical",)
+#: They look for the unknowns of `inversion.yaml`, whatever values the section has for them: with
+#: those of an answer in the section, theirs are the same.
+SEEKING: tuple[Kind, ...] = ("back_analyse", "posterior", "compare", "explain", "diagnose")
 JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
@@ -119,6 +123,9 @@ class Job(StrictDocument):
     case: str
     folder: str = Field(description="of the case as it was when the job was asked for")
     revision: str = Field("", description="of these files")
+    kept: list[str] = Field(
+        default_factory=list, description="revisions that differ by an answer that was kept alone"
+    )
     threads: int | None = Field(None, description="of the CPU; null: all")
     body: bool = Field(False, description="in three dimensions: its `scene3d.yaml`")
     options: JobOptions
@@ -171,20 +178,48 @@ class Jobs:
             self._check_prediction(case, wanted, body)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
         folder = make_folder(self._folder(case, number))
-        source = (self.bodies if body else self.workspace).snapshot(case, folder / CASE)
-        job = Job(
-            id=number,
-            kind=kind,
-            case=case,
-            folder=str(source),
-            options=wanted,
-            revision=bodies.revision_of(source) if body else revision_of(read_documents(source)),
-            threads=self.threads,
-            body=body,
-        )
-        write_json(folder / JOB, job.model_dump(mode="json"))
-        self._submit(folder, number)
+        try:
+            source = (self.bodies if body else self.workspace).snapshot(case, folder / CASE)
+            is_of = bodies.revision_of if body else lambda one: revision_of(read_documents(one))
+            job = Job(
+                id=number,
+                kind=kind,
+                case=case,
+                folder=str(source),
+                options=wanted,
+                revision=is_of(source),
+                threads=self.threads,
+                body=body,
+            )
+            write_json(folder / JOB, job.model_dump(mode="json"))
+            self._submit(folder, number)
+        except BaseException:  # a full disk, or a file that is half written by somebody else
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         return self.state(number)
+
+    def keep(self, number: str, case: str, before: str, after: str) -> None:
+        """A case has got the answer of a job, and no other change.
+
+        That answer is of the case as before; unless it brings effects, so are those that look for
+        the same values.
+
+        Args:
+            number: of the job.
+            case: its name.
+            before: revision of the case.
+            after: its revision with the answer.
+
+        Raises:
+            InputError: there is no such job.
+        """
+        brings = read_json(self._find(number) / STATE).get("effects") is not None
+        for path in self.workspace.hidden(case, "jobs").glob(f"*/{JOB}"):
+            job = Job.model_validate(read_json(path))
+            is_own = job.id == number or (job.kind in SEEKING and not brings)
+            if is_own and before in (job.revision, *job.kept) and after not in job.kept:
+                kept = [*job.kept, after]
+                write_json(path, job.model_copy(update={"kept": kept}).model_dump(mode="json"))
 
     def _check_body(self, kind: Kind, case: str, options: JobOptions) -> None:
         """The kind is one of a body that has what it needs, and its points are not too many."""
@@ -234,7 +269,7 @@ class Jobs:
         with self._changing:
             while self._waiting and not self._is_busy():
                 number = self._waiting.pop(0)
-                with suppress(InputError):  # its case was removed meanwhile
+                with suppress(InputError, OSError):  # its case was removed, or the disk is full
                     self._launch(self._find(number), number)
 
     def _watch(self, process: subprocess.Popen[bytes]) -> None:
@@ -255,8 +290,13 @@ class Jobs:
                 stdout=log,
                 stderr=log,
             )
+        try:
+            write_json(folder / STATE, {"state": "running", "process": process.pid})
+        except BaseException:  # nobody would know of it
+            process.kill()
+            process.wait()
+            raise
         self._running[number] = process
-        write_json(folder / STATE, {"state": "running", "process": process.pid})
         Thread(target=self._watch, args=(process,), daemon=True).start()
 
     def again(self, number: str) -> dict[str, Any]:
@@ -333,6 +373,7 @@ class Jobs:
         return {
             **{key: job[key] for key in ("id", "kind", "case", "options")},
             "revision": job.get("revision", ""),
+            "kept": job.get("kept", []),
             "body": job.get("body", False),
             "words": KINDS[job["kind"]],
             **{key: value for key, value in said.items() if key != "process"},
