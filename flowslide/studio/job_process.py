@@ -154,6 +154,7 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
             found = flowslide.predict(
                 job.folder,
                 strengths,
+                ratios=job.options.ratios,
                 distribution=job.options.distribution,
                 posterior=None if drawn is None else folder.parent / drawn / RESULTS["posterior"],
                 joint=joint_of(folder) if job.options.joint else None,

@@ -30,6 +30,7 @@ from flowslide.studio.workspace import HIDDEN, JOINT, Workspace, revision_of
 from geometry.scenes.scene import checked_document
 from inversion.joint.document import load_joint
 from inversion.prediction.known_strength import parse_strength
+from inversion.problem.question import STRENGTH_RATIO
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
@@ -92,6 +93,9 @@ class JobOptions(StrictDocument):
     quick: bool = Field(False, description="back-analysis: the answer alone")
     strengths: list[str] = Field(
         default_factory=list, description="prediction: zones=mean+-std, such as 1,6=4+-1 [kPa]"
+    )
+    ratios: list[str] = Field(
+        default_factory=list, description="prediction: zones=mean+-std of S_r / sigma'_v0"
     )
     distribution: Literal["lognormal", "normal"] = Field(
         "lognormal", description="prediction: of these strengths"
@@ -232,13 +236,16 @@ class Jobs:
 
     def _check_prediction(self, case: str, options: JobOptions, body: bool) -> None:
         """Strengths are given, a posterior of this case that is done, or other slides."""
-        given = (bool(options.strengths), options.posterior is not None, options.joint)
+        strengths = bool(options.strengths or options.ratios)
+        given = (strengths, options.posterior is not None, options.joint)
         if sum(given) != 1:
             raise InputError("prediction: give strengths, a posterior or joint, one of them")
         if options.joint:
             load_joint(self.workspace.joint)
         for text in options.strengths:
             parse_strength(text, options.distribution)
+        for text in options.ratios:
+            parse_strength(text, options.distribution, STRENGTH_RATIO)
         if options.posterior is not None:
             drawn = self.state(options.posterior)
             own = (case, "posterior", "done", body)

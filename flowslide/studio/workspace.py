@@ -518,5 +518,13 @@ def _end_of(scene: Scene, side: Side) -> dict[str, Any]:
 
 
 def revision_of(files: Mapping[str, Any], draft: Mapping[str, Any] | None = None) -> str:
-    """A hash of the parts of a case."""
-    return content_hash({"files": files, "draft": draft})
+    """A hash of the parts of a case; 34 and 34.0, which a browser cannot tell apart, are one."""
+    return content_hash(_with_whole_numbers({"files": files, "draft": draft}))
+
+
+def _with_whole_numbers(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _with_whole_numbers(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_whole_numbers(one) for one in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -41,6 +41,17 @@ def test_an_edit_is_written_to_the_files_and_the_first_ones_are_kept(workspace):
     assert json.loads(line)["documents"]["scene"] == case["scene"]
 
 
+def test_an_edit_that_is_undone_leaves_the_case_as_it_was(workspace):
+    """A browser writes 34 where the file had 34.0."""
+    case = workspace.read("small")
+    other = json.loads(json.dumps(case))
+    other["scene"]["materials"]["firm"]["friction_deg"] = 28
+    assert workspace.save("small", case["revision"], other)
+    other["scene"]["materials"]["firm"]["friction_deg"] = 34
+    assert workspace.save("small", workspace.revision("small"), other)
+    assert workspace.revision("small") == case["revision"]
+
+
 def test_an_edit_with_a_fault_is_a_draft_and_the_files_stay(workspace):
     case = workspace.read("small")
     before = (workspace.folder / "small" / "scene.yaml").read_bytes()

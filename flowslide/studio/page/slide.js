@@ -188,6 +188,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   /** The values and effects of a job's answer become those of the case; zones that share their soil with others get one of their own. */
   function keepAnswer(job, values, effects = {}) {
+    const before = documents.now;
     documents.edit("answer", ({ scene }) => {
       if (Object.keys(effects).length) scene.effects = { ...scene.effects, ...shortened(effects) };
       for (const name of Object.keys(effects)) delete state.effects[name]; // the case has it from now on
@@ -197,6 +198,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
         for (const name of own) setProperty(scene.materials[name], property, short(value), zones);
       }
     }, job);
+    if (documents.now === before && !documents.shipped) say("the case has this answer already");
   }
 
   /** One S_r replaces a ratio; a ratio comes with the least strength that the question states, or the usual 0.1 kPa. */
