@@ -77,6 +77,7 @@ LIGHT: tuple[Kind, ...] = ("classical",)
 #: They look for the unknowns of `inversion.yaml`, whatever values the section has for them: with
 #: those of an answer in the section, theirs are the same.
 SEEKING: tuple[Kind, ...] = ("back_analyse", "posterior", "compare", "explain", "diagnose")
+NO_LAST_WORD = "its process has ended without a last word: a full disk, too little memory"
 JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
@@ -372,7 +373,7 @@ class Jobs:
             # It may have ended between the two looks.
             said = read_json(folder / STATE)
             if said["state"] == "running":
-                said = {"state": "interrupted"}
+                said = {"state": "interrupted", "message": NO_LAST_WORD}
         if said["state"] == "waiting" and number not in self._waiting:
             said = {"state": "interrupted"}  # the server that knew of it is gone
         left = [folder / LOG, *(folder / RESULTS[job["kind"]]).glob("*")]

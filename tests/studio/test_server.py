@@ -186,16 +186,33 @@ def test_a_job_that_cannot_be_started_leaves_nothing(browser, monkeypatch, works
     assert not list(workspace.hidden("small").glob("jobs/*"))
 
 
-def test_a_job_on_a_full_disk_says_so(workspace, monkeypatch, tmp_path):
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "run.h5")
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "run.h5"),
+        RuntimeError("Can't write data (errno = 28, error message = 'No space left on device')"),
+    ],
+)
+def test_a_job_on_a_full_disk_says_so(tmp_path, monkeypatch, error):
+    """Its progress may have no room either; the work goes on as far as it can."""
+
+    def full(job, folder, told):
+        with monkeypatch.context() as patch:
+            patch.setattr(job_process, "write_json", write_nothing)
+            told.last = 0.0
+            told.report(1, 2, "simulating")
+        raise error
+
+    def write_nothing(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     job = Job(id="1", kind="compare", case="small", folder="x", options={})
     write_json(tmp_path / "job.json", job.model_dump(mode="json"))
     monkeypatch.setattr(job_process, "_work", full)
     assert job_process.main(tmp_path) == 1
     said = read_json(tmp_path / "state.json")
-    assert (said["state"], said["message"]) == ("failed", "run.h5: No space left on device")
+    assert said["state"] == "failed" and said["done"] == 1
+    assert said["message"].endswith(": No space left on device")
 
 
 def test_an_answer_that_was_kept_is_still_of_its_case(browser, workspace):
@@ -546,6 +563,7 @@ def test_a_job_whose_process_is_gone_is_interrupted(browser, workspace):
     (folder / "state.json").write_text(json.dumps({"state": "running", "process": 2**22 - 1}))
     (found,) = browser.get("/api/jobs").json()
     assert found["state"] == "interrupted" and found["words"].startswith("diagnosis")
+    assert "full disk" in found["message"]
     bad = {"kind": "format", "case": "small"}
     assert browser.post("/api/jobs", json=bad, headers=OURS).status_code == 400
     bad = {"kind": "diagnose", "case": "small", "options": {"spacing_m": -1}}

@@ -61,6 +61,7 @@ const documents = new Documents({
       state.told = "";
     }
     document.body.dataset.saved = found.revision;
+    questions?.refresh(); // which answers are of the case now
     proposeOnce();
     if (state.mode !== "section") slide.flow();
   },
