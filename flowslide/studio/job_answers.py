@@ -238,7 +238,7 @@ def prediction(document: Found) -> Found:
         f"{span(one['quantiles']['5'], one['quantiles']['95'])}"
         for one in document["quantities"]
     ]
-    return as_found([f"S_r {prediction_report.strength_words(document)}", *lines])
+    return as_found([prediction_report.strength_words(document), *lines])
 
 
 def from_blow_counts(document: Found) -> Found:

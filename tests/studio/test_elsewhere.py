@@ -40,7 +40,7 @@ def test_files_that_are_half_written_or_gone_are_told_until_they_are_back(page, 
     whole = scene.read_text()
     scene.write_text(whole[:300])
     expect(told).to_contain_text("scene.yaml: line 7: not valid YAML", timeout=WAIT_MS)
-    expect(told).to_contain_text("Below is what was there before")
+    expect(told).to_contain_text("The page shows what was there before")
     scene.write_text(whole)
     expect(told).to_be_hidden(timeout=WAIT_MS)
 

@@ -198,7 +198,7 @@ function apart(words, found) {
 
 /** The files of the case cannot be read, since they are half written or gone; empty `words`: they can be again. */
 async function unread(words) {
-  const told = words && `${words}. Below is what was there before.`;
+  const told = words && `${words}. The page shows what was there before.`;
   if (words && $("apart").textContent === told && !$("apart").hidden) return;
   $("apart").hidden = !words;
   $("apart").textContent = told;
