@@ -155,9 +155,12 @@ class Workspace:
         with self._writing:
             source = self.source(name)
             if self._has_draft(name):
-                for first in self.read(name)["faults"]:
+                found = self.read(name)
+                for first in found["faults"]:
                     words = f"has a fault to mend first: {first['message']}"
                     raise InputError(f"case {name!r}: {words}")
+                if found["beside"] is not None:
+                    raise InputError(f"case {name!r}: its files were changed beside a draft")
             return source
 
     def _has_draft(self, name: str) -> bool:
@@ -215,7 +218,8 @@ class Workspace:
     def read(self, name: str) -> dict[str, Any]:
         """A case as the page has it: its documents, what is wrong with them, what follows.
 
-        A draft without faults, whose writing has ended in between, is written first.
+        A draft without faults, whose writing has ended in between, is written first. `beside` are
+        the documents of the files where somebody has changed these since the draft was made.
 
         Raises:
             InputError: there is none, or a file of it cannot be read.
@@ -224,7 +228,8 @@ class Workspace:
         with self._writing:
             draft = self._draft(name) if self._has_draft(name) else None
             whole = None if draft is None else self._faultless(name, draft)
-            if draft is not None and whole is not None:
+            is_apart = draft is not None and self._is_apart(name, whole)
+            if draft is not None and whole is not None and not is_apart:
                 self._keep(name, draft, whole)
         files = read_documents(self.source(name))
         documents, is_shipped = files, self.is_shipped(name)
@@ -237,10 +242,19 @@ class Workspace:
             "shipped": is_shipped,
             "revision": revision_of(files, draft),
             "draft": draft is not None,
+            "beside": files if is_apart else None,
             **documents,
             "faults": [vars(fault) for fault in faults],
             "derived": None if faults else self._derived(name, documents),
         }
+
+    def _is_apart(self, name: str, whole: Mapping[str, Any] | None) -> bool:
+        """The files are neither what they were when the draft was made, nor what it writes."""
+        known = read_json(self.hidden(name, "draft.json")).get("files")
+        if known is None:
+            return False
+        now, wanted = _hashes(read_documents(self.source(name))), _hashes(whole or {})
+        return any(now[part] not in (known[part], wanted.get(part)) for part in now)
 
     def revision(self, name: str) -> str:
         """What changes with every edit of a case, in the page or in its files."""
@@ -462,7 +476,8 @@ class Workspace:
         with self._writing:
             if whole is not None:
                 make_folder(self.place(name))  # where nothing may be written there is no draft
-            write_json(draft, {"documents": documents})
+            files = _hashes(read_documents(self.place(name)))
+            write_json(draft, {"documents": documents, "files": files})
             if whole is not None:
                 if base_of(whole) != base_of(documents):
                     bases = [*self._bases(name), base_of(whole)]
@@ -520,6 +535,10 @@ def _end_of(scene: Scene, side: Side) -> dict[str, Any]:
 def revision_of(files: Mapping[str, Any], draft: Mapping[str, Any] | None = None) -> str:
     """A hash of the parts of a case; 34 and 34.0, which a browser cannot tell apart, are one."""
     return content_hash(_with_whole_numbers({"files": files, "draft": draft}))
+
+
+def _hashes(files: Mapping[str, Any]) -> dict[str, str]:
+    return {part: content_hash(_with_whole_numbers(one)) for part, one in files.items()}
 
 
 def _with_whole_numbers(value: Any) -> Any:

@@ -75,6 +75,33 @@ def test_who_edits_while_a_file_is_half_written_chooses_once_it_is_whole(page, w
     assert stored(page, workspace)["scene"]["materials"]["firm"]["friction_deg"] == 34
 
 
+@pytest.mark.parametrize("choice, angle", [("Show what is there now", 31), ("Keep mine", 34)])
+def test_a_file_that_is_edited_beside_a_draft_is_not_written_over_unasked(
+    page, workspace, choice, angle
+):
+    page.keyboard.press("1")
+    page.locator("summary", has_text="loose").click()
+    strength = page.get_by_label("S_r, first guess of loose [kPa]")
+    strength.click(click_count=3)
+    page.keyboard.type("-3")
+    page.keyboard.press("Tab")
+    expect(page.locator("#status")).to_contain_text("kept as a draft")
+    scene = workspace.place("small") / "scene.yaml"
+    scene.write_text(scene.read_text().replace("friction_deg: 34.0", "friction_deg: 31.0"))
+    expect(page.locator("#apart")).to_contain_text("beside the draft", timeout=WAIT_MS)
+    strength.click(click_count=3)  # nothing is written before somebody chooses
+    page.keyboard.type("9")
+    page.keyboard.press("Tab")
+    page.wait_for_timeout(1000)
+    assert "friction_deg: 31.0" in scene.read_text()
+    page.get_by_role("button", name=choice).click()
+    expect(page.locator("#apart")).to_be_hidden()
+    expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
+    soils = stored(page, workspace)["scene"]["materials"]
+    assert soils["firm"]["friction_deg"] == angle
+    assert soils["loose"]["cohesion_kpa"] == (8 if angle == 31 else 9)
+
+
 def test_a_case_that_cannot_be_read_is_not_named_as_the_one_that_is_open(page, workspace):
     shutil.copytree(workspace.place("small"), workspace.folder / "torn")
     (workspace.folder / "torn" / "scene.yaml").write_text("zones: [\n")

@@ -324,6 +324,21 @@ def test_a_table_that_is_a_link_elsewhere_is_not_shown(workspace, tmp_path):
     assert workspace.read("small")["tables"] == {"own.csv": "x_m,y_m\n"}
 
 
+def test_files_that_are_changed_beside_a_draft_are_told(workspace):
+    case = workspace.read("small")
+    case["scene"]["materials"]["loose"]["cohesion_kpa"] = -3
+    assert workspace.save("small", case["revision"], case)
+    assert workspace.read("small")["beside"] is None
+    scene = workspace.place("small") / "scene.yaml"
+    scene.write_text(scene.read_text().replace("friction_deg: 34.0", "friction_deg: 31.0"))
+    found = workspace.read("small")
+    assert found["scene"]["materials"]["loose"]["cohesion_kpa"] == -3
+    assert found["beside"]["scene"]["materials"]["firm"]["friction_deg"] == 31
+    # The draft that is kept all the same is one on these files.
+    assert workspace.save("small", found["revision"], found)
+    assert workspace.read("small")["beside"] is None
+
+
 def test_an_edit_that_is_killed_while_it_is_written_is_written_by_the_next_look(
     workspace, monkeypatch
 ):

@@ -155,8 +155,17 @@ export class Documents {
 
   /** After a conflict: keep this page's documents, over those of the files. */
   insist(found) {
-    Object.assign(this, { revision: found.revision, apart: false });
+    Object.assign(this, { revision: found.revision, apart: false, dirty: true });
     this.save();
+  }
+
+  /** A draft whose files somebody has changed is not saved before it is said which of both counts. */
+  hold() { this.apart = true; }
+
+  /** What the files say, in place of the draft; it can be undone. */
+  drop(files) {
+    this.apart = false;
+    this.edit("what the files say", (now) => Object.assign(now, partsOf(files)));
   }
 
   /** Another tab, the command line or an editor has written to the files. */

@@ -67,7 +67,8 @@ const documents = new Documents({
   },
   conflict(found) {
     say(`not saved: ${CHOOSE}`, true);
-    apart("This case was changed elsewhere while you edited it.", found);
+    apart("This case was changed elsewhere while you edited it.", found,
+      async () => { if (await open(state.name, true) && !state.found.faults.length) say("shown as it is now"); });
   },
   elsewhere: async () => { if (await open(state.name, true, true) && !state.found.faults.length) say("changed elsewhere: shown as it is now"); },
   failed(words) { say(words, true); },
@@ -165,6 +166,10 @@ async function open(name, again = false, unasked = false) {
   $("apart").hidden = true;
   for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = kind !== "copy" && found.shipped;
   documents.open(found);
+  if (found.beside) {
+    documents.hold();
+    apart("The files of this case were changed elsewhere, beside the draft that is shown.", found, () => documents.drop(found.beside));
+  }
   if (!again) { editor.use("select"); forget(); }
   if (!again || !editor.hasSelected()) editor.selection = {};
   view.level = undefined;
@@ -189,9 +194,10 @@ async function openBody(name) {
   return body.open(name);
 }
 
-function apart(words, found) {
+/** Somebody must choose: what the files have now, as `show` does, or what is here. */
+function apart(words, found, show) {
   $("apart").replaceChildren(words,
-    button("Show what is there now", async () => { if (await open(state.name, true) && !state.found.faults.length) say("shown as it is now"); }),
+    button("Show what is there now", () => { $("apart").hidden = true; show(); }),
     button("Keep mine", () => { $("apart").hidden = true; documents.insist(found); }));
   $("apart").hidden = false;
 }
