@@ -91,7 +91,7 @@ def write_report(found: BodyPrediction, folder: Path) -> Path:
         *dam_breach_sections(document, folder),
     ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
-    lead = f"Assumed S_r: {strength_words(document)}."
+    lead = f"Assumed: {strength_words(document)}."
     page.write_page(folder / PAGE, title, sections, lead=lead)
     return folder / PAGE
 

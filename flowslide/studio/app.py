@@ -29,7 +29,7 @@ from flowslide.studio.live import PATIENCE_S, Asked, Question, Solver, question
 from flowslide.studio.security import Guard
 from flowslide.studio.temporary import temporary_folder
 from flowslide.studio.units import FIELD_UNITS
-from flowslide.studio.workspace import Workspace
+from flowslide.studio.workspace import NotKept, Workspace
 from geometry.scenes.drawings import FORMATS, read_section, reading, section_document
 from geometry.scenes.scene import checked_document
 from pipeline import __version__
@@ -194,12 +194,22 @@ class _Studio:
         )
 
     async def save(self, request: Request) -> Response:
-        """An edit of a case; 409 where its files were changed elsewhere."""
+        """An edit of a case; 409 where its files were changed elsewhere.
+
+        With an `answer` the edit keeps that of this job, and is nothing else.
+        """
         name, asked = request.path_params["name"], await _body(request)
         revision = str(asked.get("revision", ""))
-        saved = await run_in_threadpool(self.workspace.save, name, revision, asked)
+        try:
+            saved = await run_in_threadpool(self.workspace.save, name, revision, asked)
+        except NotKept as error:
+            told = {"message": error.words, "revision": error.revision}
+            return JSONResponse(told, status_code=500)
         found = await run_in_threadpool(self.workspace.read, name)
         if saved:
+            if job := str(asked.get("answer") or ""):
+                now = found["revision"]
+                await run_in_threadpool(self.work.keep, job, name, revision, now)
             return JSONResponse(found)
         words = "the files of this case were changed elsewhere"
         return JSONResponse({"message": words, "case": found}, status_code=409)

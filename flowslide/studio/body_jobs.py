@@ -140,6 +140,7 @@ def _predict(job: Job, scene: Scene3d, common: _Common) -> Found:
     document = flowslide.predict(
         Path(job.folder) / FILE_NAME,
         job.options.strengths,
+        ratios=job.options.ratios,
         distribution=job.options.distribution,
         posterior=None if drawn is None else out.parent.parent / drawn / RESULTS["posterior"],
         joint=joint_of(out.parent) if job.options.joint else None,

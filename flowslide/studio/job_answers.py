@@ -2,7 +2,8 @@
 
 In: what the functions of `flowslide` return. Out: `answer`, lines in the words and digits of the
 reports; `strengths`, those found with their ranges in full digits, for the table of all methods;
-`values`, whatever was found, as a section can have it; `implied`, which measurement asks for which
+`values`, whatever was found, as a section can have it; `ratios`, those of strength to stress, for a
+prediction; `implied`, which measurement asks for which
 strength.
 """
 
@@ -19,6 +20,7 @@ from inversion.back_analysis.implied_strengths import (
 )
 from inversion.back_analysis.result import ParameterAnswer, Result
 from inversion.posterior.document import PosteriorDocument
+from inversion.problem.question import STRENGTH_RATIO
 from inversion.problem.question import STRENGTHS as ALL_STRENGTHS
 from mpm_taichi.readings3d import named
 from pipeline.ties import ranked
@@ -55,6 +57,12 @@ def as_found(
 def _value(property: str, zones: Sequence[str], value: float) -> Found:
     """A value that zones of the section get, or its pool."""
     return {"property": property, "zones": list(zones), "value": value}
+
+
+def _ratio(method: str, label: str, value: float, std: float | None, zones: Sequence[str]) -> Found:
+    """A ratio S_r / sigma'_v0 as it was found; std None: it has a lower bound alone."""
+    found = _value(STRENGTH_RATIO, zones, value)
+    return {**found, "method": method, "label": label, "std": std}
 
 
 def strength_found(
@@ -137,6 +145,11 @@ def back_analysis(result: Result) -> Found:
         strengths,
         (_value(p.property, p.zones, p.as_run) for p in result.answer.parameters),
         implied=[_implied(one) for one in implied_strengths(result) if one.each],
+        ratios=[
+            _ratio("back-analysis", p.label, p.value, p.std_total, p.zones)
+            for p in result.answer.parameters
+            if p.property == STRENGTH_RATIO and p.lower_bound_95 is None
+        ],
     )
 
 
@@ -210,7 +223,12 @@ def posterior(document: PosteriorDocument) -> Found:
     lines = [answer_sentence(document)]
     if cells is not None:
         lines.append(cells_words(cells))
-    return as_found(lines, strengths, values)
+    ratios = [
+        _ratio("posterior", one.label, one.after.median, one.after.std, one.zones)
+        for one in document.parameters
+        if one.property == STRENGTH_RATIO
+    ]
+    return as_found(lines, strengths, values, ratios=ratios)
 
 
 def prediction(document: Found) -> Found:
@@ -220,7 +238,7 @@ def prediction(document: Found) -> Found:
         f"{span(one['quantiles']['5'], one['quantiles']['95'])}"
         for one in document["quantities"]
     ]
-    return as_found([f"S_r {prediction_report.strength_words(document)}", *lines])
+    return as_found([prediction_report.strength_words(document), *lines])
 
 
 def from_blow_counts(document: Found) -> Found:

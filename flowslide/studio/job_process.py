@@ -6,6 +6,7 @@ in `state.json` how far it is, which values a search has tried, and in the end w
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import sys
@@ -21,6 +22,7 @@ from flowslide.studio.jobs import JOB, RESULTS, STATE, Job, Kind, joint_of
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import make_folder, read_json, write_json
 
+NO_ROOM = os.strerror(errno.ENOSPC)
 #: Seconds between two states.
 OFTEN = 0.3
 #: Reports over which the time that is left is reckoned: simulations that are found in the store
@@ -49,7 +51,8 @@ class Told:
         self.said["left_s"] = self._left(done, total)
         if time.time() - self.last > OFTEN:
             self.last = time.time()
-            self._write(self.said)
+            with suppress(OSError):  # the work itself says what is wrong with the disk
+                self._write(self.said)
 
     def _left(self, done: int, total: int) -> float | None:
         """About how long it will take [s]; None: too few simulations are done to tell."""
@@ -104,9 +107,21 @@ def main(folder: Path) -> int:
         end = {"state": "done", "message": "", **_work(job, folder, told)}
     except (InputError, WorkFailed) as error:
         end = {"state": "failed", "message": str(error)}
+    except (OSError, RuntimeError) as error:  # a full disk, and the like
+        words = _of_disk(error)
+        if not words:
+            raise
+        end = {"state": "failed", "message": f"{folder}: {words}"}
     finally:
         told.end(end)
     return 0 if end["state"] == "done" else 1
+
+
+def _of_disk(error: OSError | RuntimeError) -> str:
+    """What the system says of a file; empty: it says nothing. HDF5 gives no number, but words."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return os.strerror(error.errno)
+    return NO_ROOM if NO_ROOM in str(error) else ""
 
 
 def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
@@ -150,6 +165,7 @@ def _work(job: Job, folder: Path, told: Told) -> dict[str, Any]:
             found = flowslide.predict(
                 job.folder,
                 strengths,
+                ratios=job.options.ratios,
                 distribution=job.options.distribution,
                 posterior=None if drawn is None else folder.parent / drawn / RESULTS["posterior"],
                 joint=joint_of(folder) if job.options.joint else None,

@@ -12,6 +12,7 @@ from somewhere else says must start nothing.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -29,6 +30,7 @@ from flowslide.studio.workspace import HIDDEN, JOINT, Workspace, revision_of
 from geometry.scenes.scene import checked_document
 from inversion.joint.document import load_joint
 from inversion.prediction.known_strength import parse_strength
+from inversion.problem.question import STRENGTH_RATIO
 from pipeline.cli import InputError
 from pipeline.documents import StrictDocument
 from pipeline.files import make_folder, read_json, write_json
@@ -72,6 +74,10 @@ RESULTS: dict[Kind, str] = {
 }
 #: Done in seconds: they wait for nothing, and nothing waits for them.
 LIGHT: tuple[Kind, ...] = ("classical",)
+#: They look for the unknowns of `inversion.yaml`, whatever values the section has for them: with
+#: those of an answer in the section, theirs are the same.
+SEEKING: tuple[Kind, ...] = ("back_analyse", "posterior", "compare", "explain", "diagnose")
+NO_LAST_WORD = "its process has ended without a last word: a full disk, too little memory"
 JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
@@ -88,6 +94,9 @@ class JobOptions(StrictDocument):
     quick: bool = Field(False, description="back-analysis: the answer alone")
     strengths: list[str] = Field(
         default_factory=list, description="prediction: zones=mean+-std, such as 1,6=4+-1 [kPa]"
+    )
+    ratios: list[str] = Field(
+        default_factory=list, description="prediction: zones=mean+-std of S_r / sigma'_v0"
     )
     distribution: Literal["lognormal", "normal"] = Field(
         "lognormal", description="prediction: of these strengths"
@@ -119,6 +128,9 @@ class Job(StrictDocument):
     case: str
     folder: str = Field(description="of the case as it was when the job was asked for")
     revision: str = Field("", description="of these files")
+    kept: list[str] = Field(
+        default_factory=list, description="revisions that differ by an answer that was kept alone"
+    )
     threads: int | None = Field(None, description="of the CPU; null: all")
     body: bool = Field(False, description="in three dimensions: its `scene3d.yaml`")
     options: JobOptions
@@ -171,20 +183,48 @@ class Jobs:
             self._check_prediction(case, wanted, body)
         number = f"{time.strftime('%Y%m%d-%H%M%S')}-{os.urandom(3).hex()}"
         folder = make_folder(self._folder(case, number))
-        source = (self.bodies if body else self.workspace).snapshot(case, folder / CASE)
-        job = Job(
-            id=number,
-            kind=kind,
-            case=case,
-            folder=str(source),
-            options=wanted,
-            revision=bodies.revision_of(source) if body else revision_of(read_documents(source)),
-            threads=self.threads,
-            body=body,
-        )
-        write_json(folder / JOB, job.model_dump(mode="json"))
-        self._submit(folder, number)
+        try:
+            source = (self.bodies if body else self.workspace).snapshot(case, folder / CASE)
+            is_of = bodies.revision_of if body else lambda one: revision_of(read_documents(one))
+            job = Job(
+                id=number,
+                kind=kind,
+                case=case,
+                folder=str(source),
+                options=wanted,
+                revision=is_of(source),
+                threads=self.threads,
+                body=body,
+            )
+            write_json(folder / JOB, job.model_dump(mode="json"))
+            self._submit(folder, number)
+        except BaseException:  # a full disk, or a file that is half written by somebody else
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         return self.state(number)
+
+    def keep(self, number: str, case: str, before: str, after: str) -> None:
+        """A case has got the answer of a job, and no other change.
+
+        That answer is of the case as before; unless it brings effects, so are those that look for
+        the same values.
+
+        Args:
+            number: of the job.
+            case: its name.
+            before: revision of the case.
+            after: its revision with the answer.
+
+        Raises:
+            InputError: there is no such job.
+        """
+        brings = read_json(self._find(number) / STATE).get("effects") is not None
+        for path in self.workspace.hidden(case, "jobs").glob(f"*/{JOB}"):
+            job = Job.model_validate(read_json(path))
+            is_own = job.id == number or (job.kind in SEEKING and not brings)
+            if is_own and before in (job.revision, *job.kept) and after not in job.kept:
+                kept = [*job.kept, after]
+                write_json(path, job.model_copy(update={"kept": kept}).model_dump(mode="json"))
 
     def _check_body(self, kind: Kind, case: str, options: JobOptions) -> None:
         """The kind is one of a body that has what it needs, and its points are not too many."""
@@ -197,13 +237,16 @@ class Jobs:
 
     def _check_prediction(self, case: str, options: JobOptions, body: bool) -> None:
         """Strengths are given, a posterior of this case that is done, or other slides."""
-        given = (bool(options.strengths), options.posterior is not None, options.joint)
+        strengths = bool(options.strengths or options.ratios)
+        given = (strengths, options.posterior is not None, options.joint)
         if sum(given) != 1:
             raise InputError("prediction: give strengths, a posterior or joint, one of them")
         if options.joint:
             load_joint(self.workspace.joint)
         for text in options.strengths:
             parse_strength(text, options.distribution)
+        for text in options.ratios:
+            parse_strength(text, options.distribution, STRENGTH_RATIO)
         if options.posterior is not None:
             drawn = self.state(options.posterior)
             own = (case, "posterior", "done", body)
@@ -234,7 +277,7 @@ class Jobs:
         with self._changing:
             while self._waiting and not self._is_busy():
                 number = self._waiting.pop(0)
-                with suppress(InputError):  # its case was removed meanwhile
+                with suppress(InputError, OSError):  # its case was removed, or the disk is full
                     self._launch(self._find(number), number)
 
     def _watch(self, process: subprocess.Popen[bytes]) -> None:
@@ -255,8 +298,13 @@ class Jobs:
                 stdout=log,
                 stderr=log,
             )
+        try:
+            write_json(folder / STATE, {"state": "running", "process": process.pid})
+        except BaseException:  # nobody would know of it
+            process.kill()
+            process.wait()
+            raise
         self._running[number] = process
-        write_json(folder / STATE, {"state": "running", "process": process.pid})
         Thread(target=self._watch, args=(process,), daemon=True).start()
 
     def again(self, number: str) -> dict[str, Any]:
@@ -325,7 +373,7 @@ class Jobs:
             # It may have ended between the two looks.
             said = read_json(folder / STATE)
             if said["state"] == "running":
-                said = {"state": "interrupted"}
+                said = {"state": "interrupted", "message": NO_LAST_WORD}
         if said["state"] == "waiting" and number not in self._waiting:
             said = {"state": "interrupted"}  # the server that knew of it is gone
         left = [folder / LOG, *(folder / RESULTS[job["kind"]]).glob("*")]
@@ -333,6 +381,7 @@ class Jobs:
         return {
             **{key: job[key] for key in ("id", "kind", "case", "options")},
             "revision": job.get("revision", ""),
+            "kept": job.get("kept", []),
             "body": job.get("body", False),
             "words": KINDS[job["kind"]],
             **{key: value for key, value in said.items() if key != "process"},

@@ -40,6 +40,7 @@ from flowslide.studio.faults import (
     section_faults,
 )
 from flowslide.studio.temporary import temporary_folder
+from flowslide.studio.whole_files import append_line, copy_case
 from geometry.case import SCENE_FILE, Case, load_case
 from geometry.scenes.doubts import doubts, thin_layers
 from geometry.scenes.fill import point_count
@@ -75,6 +76,19 @@ def misnamed(folder: Path, file: str) -> list[str]:
     """Folders with such a document whose names cannot be those of cases."""
     names = (path.parent.name for path in folder.glob(f"*/{file}"))
     return sorted(name for name in names if not NAME.fullmatch(name))
+
+
+class NotKept(Exception):
+    """An edit could not be written, or not all of it, such as on a full disk.
+
+    Attributes:
+        words: that say why.
+        revision: of the case as it is now.
+    """
+
+    def __init__(self, words: str, revision: str) -> None:
+        super().__init__(words)
+        self.words, self.revision = words, revision
 
 
 class Workspace:
@@ -140,10 +154,17 @@ class Workspace:
         """
         with self._writing:
             source = self.source(name)
-            if not self.is_shipped(name) and self.hidden(name, "draft.json").is_file():
-                first = self.read(name)["faults"][0]
-                raise InputError(f"case {name!r}: has a fault to mend first: {first['message']}")
+            if self._has_draft(name):
+                found = self.read(name)
+                for first in found["faults"]:
+                    words = f"has a fault to mend first: {first['message']}"
+                    raise InputError(f"case {name!r}: {words}")
+                if found["beside"] is not None:
+                    raise InputError(f"case {name!r}: its files were changed beside a draft")
             return source
+
+    def _has_draft(self, name: str) -> bool:
+        return not self.is_shipped(name) and self.hidden(name, "draft.json").is_file()
 
     def snapshot(self, name: str, folder: Path) -> Path:
         """The files of a case as they are now, for a job that later edits do not reach.
@@ -163,13 +184,13 @@ class Workspace:
             if self.is_shipped(name):
                 return source
             copy = folder / name
-            _copy(source, copy)
+            copy_case(source, copy, without=[HIDDEN])
         question = read_documents(copy)["diagnosis"]
         other = question.get("validation_case") if isinstance(question, Mapping) else None
         beside = folder / str(other).removeprefix("../")  # where the question looks for it
         if other is not None and re.fullmatch(r"\.\./[^/.]+", str(other)) and not beside.exists():
             with suppress(FileNotFoundError):  # the job says that it is not there
-                _copy(source / other, beside)
+                copy_case(source / other, beside, without=[HIDDEN])
         return copy
 
     def is_shipped(self, name: str) -> bool:
@@ -195,7 +216,21 @@ class Workspace:
     # --- reading ---
 
     def read(self, name: str) -> dict[str, Any]:
-        """A case as the page has it: its documents, what is wrong with them, what follows."""
+        """A case as the page has it: its documents, what is wrong with them, what follows.
+
+        A draft without faults, whose writing has ended in between, is written first. `beside` are
+        the documents of the files where somebody has changed these since the draft was made.
+
+        Raises:
+            InputError: there is none, or a file of it cannot be read.
+            OSError: the draft cannot be written, or not all of it.
+        """
+        with self._writing:
+            draft = self._draft(name) if self._has_draft(name) else None
+            whole = None if draft is None else self._faultless(name, draft)
+            is_apart = draft is not None and self._is_apart(name, whole)
+            if draft is not None and whole is not None and not is_apart:
+                self._keep(name, draft, whole)
         files = read_documents(self.source(name))
         documents, is_shipped = files, self.is_shipped(name)
         draft = None if is_shipped else self._draft(name)
@@ -207,10 +242,19 @@ class Workspace:
             "shipped": is_shipped,
             "revision": revision_of(files, draft),
             "draft": draft is not None,
+            "beside": files if is_apart else None,
             **documents,
             "faults": [vars(fault) for fault in faults],
             "derived": None if faults else self._derived(name, documents),
         }
+
+    def _is_apart(self, name: str, whole: Mapping[str, Any] | None) -> bool:
+        """The files are neither what they were when the draft was made, nor what it writes."""
+        known = read_json(self.hidden(name, "draft.json")).get("files")
+        if known is None:
+            return False
+        now, wanted = _hashes(read_documents(self.source(name))), _hashes(whole or {})
+        return any(now[part] not in (known[part], wanted.get(part)) for part in now)
 
     def revision(self, name: str) -> str:
         """What changes with every edit of a case, in the page or in its files."""
@@ -329,7 +373,7 @@ class Workspace:
             shutil.rmtree(temporary, ignore_errors=True)
             with self._writing:
                 draft = None if self.is_shipped(copy_of) else self._draft(copy_of)
-                _copy(source, temporary)
+                copy_case(source, temporary, without=[HIDDEN])
             temporary.rename(place)
             if draft is not None:
                 kept = {**read_documents(place), **draft}
@@ -395,6 +439,7 @@ class Workspace:
         Raises:
             InputError: the case ships with the program, there is none, or a table has a name that
                 is none.
+            NotKept: the disk is full, and the like.
         """
         if self.is_shipped(name):
             raise InputError(f"case {name!r}: ships with the program; copy it to edit it")
@@ -407,8 +452,12 @@ class Workspace:
                 return False
             first = self.hidden(name, "first")
             if not first.is_dir():
-                _copy(folder, first)
-            self._keep(name, kept, whole)
+                make_folder(first.parent)
+                copy_case(folder, first, without=[HIDDEN])
+            try:
+                self._keep(name, kept, whole)
+            except OSError as error:
+                raise NotKept(error.strerror or str(error), self.revision(name)) from error
         return True
 
     def _faultless(self, name: str, documents: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -425,15 +474,18 @@ class Workspace:
         draft = self.hidden(name, "draft.json")
         make_folder(draft.parent)
         with self._writing:
-            write_json(draft, {"documents": documents})
+            if whole is not None:
+                make_folder(self.place(name))  # where nothing may be written there is no draft
+            files = _hashes(read_documents(self.place(name)))
+            write_json(draft, {"documents": documents, "files": files})
             if whole is not None:
                 if base_of(whole) != base_of(documents):
                     bases = [*self._bases(name), base_of(whole)]
                     write_json(self.hidden(name, "bases.json"), bases)
                 write_case(self.place(name), name, whole)
                 draft.unlink()
-        with self.hidden(name, "journal.jsonl").open("a", encoding="utf-8") as journal:
-            journal.write(json.dumps({"time": time.time(), "documents": documents}) + "\n")
+            edit = {"time": time.time(), "documents": documents}
+            append_line(self.hidden(name, "journal.jsonl"), json.dumps(edit))
 
     def view(self, name: str) -> Any:
         """What the page remembers of a case; None: nothing."""
@@ -480,21 +532,18 @@ def _end_of(scene: Scene, side: Side) -> dict[str, Any]:
     }
 
 
-def _copy(source: Path, target: Path) -> None:
-    """The files of a case, without what the studio keeps and without folders that are links.
-
-    A link to `/` would be the whole disk.
-    """
-
-    def left_out(folder: str, names: list[str]) -> list[str]:
-        places = [(name, Path(folder) / name) for name in names]
-        return [
-            name for name, one in places if name == HIDDEN or (one.is_symlink() and one.is_dir())
-        ]
-
-    shutil.copytree(source, target, ignore=left_out)
-
-
 def revision_of(files: Mapping[str, Any], draft: Mapping[str, Any] | None = None) -> str:
-    """A hash of the parts of a case."""
-    return content_hash({"files": files, "draft": draft})
+    """A hash of the parts of a case; 34 and 34.0, which a browser cannot tell apart, are one."""
+    return content_hash(_with_whole_numbers({"files": files, "draft": draft}))
+
+
+def _hashes(files: Mapping[str, Any]) -> dict[str, str]:
+    return {part: content_hash(_with_whole_numbers(one)) for part, one in files.items()}
+
+
+def _with_whole_numbers(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _with_whole_numbers(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_whole_numbers(one) for one in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value

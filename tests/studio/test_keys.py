@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.studio import pixel_of
+from pipeline.files import read_json
 from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, stored
 
 pytestmark = NEEDS_CHROMIUM
@@ -646,9 +647,66 @@ def test_an_answer_is_shown_and_kept(page, workspace):
     expect(page.locator("#readings tbody tr").first.locator("td").nth(3)).not_to_have_class("far")
     assert stored(page, workspace)["scene"]["materials"]["loose"]["cohesion_kpa"] == 8.0
     job.get_by_role("button", name="Keep it").click()
-    expect(page.locator("#jobs li").first).to_contain_text("the case has changed since")
     kept = stored(page, workspace)["scene"]["materials"]["loose"]["cohesion_kpa"]
     assert kept == pytest.approx(value, rel=1e-3)
+    expect(page.locator("#status")).to_contain_text("answered in")
+
+    # What has changed is the answer alone: it can still be shown, also after a reload.
+    page.reload()
+    page.wait_for_function(IDLE, timeout=WAIT_MS)
+    job.get_by_role("button", name="Show it").click()
+    expect(page.locator("#jobs")).not_to_contain_text("the case has changed since")
+    expect(page.locator("#strengths tbody tr")).to_have_count(1)
+    job.get_by_role("button", name="Keep it").click()
+    expect(page.locator("#status")).to_have_text("the case has this answer already")
+
+    # Another edit is one; undone, the answer is that of the case again.
+    page.keyboard.press("1")
+    page.locator("summary", has_text="firm").click()
+    page.get_by_label("friction of firm [deg]").click(click_count=3)
+    page.keyboard.type("28")
+    page.keyboard.press("Tab")
+    expect(job).to_contain_text("the case has changed since", timeout=20_000)
+    page.locator("#undo").click()
+    expect(job).not_to_contain_text("the case has changed since", timeout=20_000)
+
+
+def test_a_ratio_is_found_kept_and_predicted_from(page, workspace):
+    """The strength ratio of a question is asked for as a ratio, and never as the least strength."""
+    path = workspace.place("small") / "inversion.yaml"
+    text = path.read_text().replace(
+        "residual_strength_kpa, start: 8.0", "strength_ratio, start: 0.1"
+    )
+    path.write_text(text.replace("low: 2.0, high: 40.0", "low: 0.02, high: 0.6"))
+    page.reload()
+    page.wait_for_function(IDLE, timeout=WAIT_MS)
+    page.locator('#ask [data-quick="true"]').click()
+    job = page.locator("#jobs li").first
+    expect(job).to_have_attribute("data-state", "done", timeout=WAIT_MS)
+    job.get_by_role("button", name="Keep it").click()
+    soil = stored(page, workspace)["scene"]["materials"]["loose"]
+    assert soil["strength_ratio"] == pytest.approx(0.17, abs=0.05)
+
+    page.locator('#ask [data-kind="predict"]').click()
+    mean = page.get_by_label("mean of S_r / σ'v0", exact=True)
+    std = page.get_by_label("standard deviation of S_r / σ'v0", exact=True)
+    expect(mean).to_have_value(str(soil["strength_ratio"]))
+    std.click()
+    page.keyboard.type("9")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("alert")).to_contain_text("must be at most the mean")
+    page.get_by_role("button", name="As found for this case").click()
+    assert 0.01 < float(std.input_value()) < 0.1
+    page.get_by_role("button", name="Predict", exact=True).click()
+    expect(job).to_contain_text("prediction", timeout=WAIT_MS)
+    page.locator("#jobs li").first.get_by_role("button", name="Cancel").click()
+    (asked,) = (
+        read_json(one)
+        for one in workspace.hidden("small", "jobs").glob("*/job.json")
+        if read_json(one)["kind"] == "predict"
+    )
+    (ratio,) = asked["options"]["ratios"]
+    assert ratio.startswith("loose=0.1") and not asked["options"]["strengths"]
 
 
 def test_a_case_is_renamed_and_removed(page, workspace):

@@ -18,10 +18,13 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 import flowslide
+from flowslide.studio import job_process
 from flowslide.studio.app import MOST_BYTES, studio
+from flowslide.studio.jobs import Job
 from flowslide.studio.live import Asked, Live, question
 from geometry.case import load_case
 from mpm_taichi.comparison import simulate_case
+from pipeline.files import read_json, write_json
 from pipeline.places import CASES, shipped
 from tests.studio.browsing import WALK
 from tests.studio.messages import unpack
@@ -163,7 +166,73 @@ def test_a_full_disk_is_said(browser, monkeypatch):
     monkeypatch.setattr("flowslide.studio.workspace.write_json", full)
     answer = browser.put("/api/cases/small", json=case, headers=OURS)
     assert answer.status_code == 500
-    assert answer.json() == {"message": "No space left on device"}
+    revision = case["revision"]  # nothing of it was written
+    assert answer.json() == {"message": "No space left on device", "revision": revision}
+
+
+def test_a_job_that_cannot_be_started_leaves_nothing(browser, monkeypatch, workspace):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "x")
+
+    asked = {"kind": "back_analyse", "case": "small"}
+    with monkeypatch.context() as patch:
+        patch.setattr("flowslide.studio.jobs.write_json", full)
+        answer = browser.post("/api/jobs", json=asked, headers=OURS)
+    assert answer.status_code == 500 and answer.json()["message"] == "No space left on device"
+    scene = workspace.place("small") / "scene.yaml"  # half written by an editor
+    scene.write_text(scene.read_text()[:300])
+    answer = browser.post("/api/jobs", json=asked, headers=OURS)
+    assert answer.status_code == 400 and "not valid YAML" in answer.json()["message"]
+    assert not list(workspace.hidden("small").glob("jobs/*"))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "run.h5"),
+        RuntimeError("Can't write data (errno = 28, error message = 'No space left on device')"),
+    ],
+)
+def test_a_job_on_a_full_disk_says_so(tmp_path, monkeypatch, error):
+    """Its progress may have no room either; the work goes on as far as it can."""
+
+    def full(job, folder, told):
+        with monkeypatch.context() as patch:
+            patch.setattr(job_process, "write_json", write_nothing)
+            told.last = 0.0
+            told.report(1, 2, "simulating")
+        raise error
+
+    def write_nothing(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    job = Job(id="1", kind="compare", case="small", folder="x", options={})
+    write_json(tmp_path / "job.json", job.model_dump(mode="json"))
+    monkeypatch.setattr(job_process, "_work", full)
+    assert job_process.main(tmp_path) == 1
+    said = read_json(tmp_path / "state.json")
+    assert said["state"] == "failed" and said["done"] == 1
+    assert said["message"].endswith(": No space left on device")
+
+
+def test_an_answer_that_was_kept_is_still_of_its_case(browser, workspace):
+    """So is what looks for the same strength; a simulation had the strength of before."""
+    case = browser.get("/api/cases/small").json()
+    kinds = ["back_analyse", "posterior", "simulate"]
+    for number, kind in enumerate(kinds):
+        folder = workspace.hidden("small", "jobs", str(number))
+        job = Job(id=folder.name, kind=kind, case="small", folder="x", options={},
+                  revision=case["revision"])  # fmt: skip
+        write_json(folder / "job.json", job.model_dump(mode="json"))
+        write_json(folder / "state.json", {"state": "done"})
+    case["scene"]["materials"]["loose"]["cohesion_kpa"] = 12.3
+    kept = browser.put("/api/cases/small", json={**case, "answer": "0"}, headers=OURS).json()
+    of = {one["kind"]: [one["revision"], *one["kept"]] for one in browser.get("/api/jobs").json()}
+    assert [kept["revision"] in of[kind] for kind in kinds] == [True, True, False]
+    kept["scene"]["spacing"] = 2.0  # an edit of its own
+    other = browser.put("/api/cases/small", json=kept, headers=OURS).json()
+    of = {one["kind"]: [one["revision"], *one["kept"]] for one in browser.get("/api/jobs").json()}
+    assert not any(other["revision"] in revisions for revisions in of.values())
 
 
 def test_a_folder_that_cannot_be_a_case_is_named(browser, workspace):
@@ -494,6 +563,7 @@ def test_a_job_whose_process_is_gone_is_interrupted(browser, workspace):
     (folder / "state.json").write_text(json.dumps({"state": "running", "process": 2**22 - 1}))
     (found,) = browser.get("/api/jobs").json()
     assert found["state"] == "interrupted" and found["words"].startswith("diagnosis")
+    assert "full disk" in found["message"]
     bad = {"kind": "format", "case": "small"}
     assert browser.post("/api/jobs", json=bad, headers=OURS).status_code == 400
     bad = {"kind": "diagnose", "case": "small", "options": {"spacing_m": -1}}

@@ -1,13 +1,19 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
+import resource
+import shutil
+import signal
 from pathlib import Path
 
 import pytest
 
-from flowslide.studio.case_documents import proposed_question
+from flowslide.studio.case_documents import proposed_question, read_documents
 from flowslide.studio.jobs import Jobs
+from flowslide.studio.whole_files import append_line
+from flowslide.studio.workspace import NotKept
 from geometry.case import load_case
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
@@ -33,6 +39,17 @@ def test_an_edit_is_written_to_the_files_and_the_first_ones_are_kept(workspace):
     assert workspace.hidden("small", "first", "scene.yaml").read_text() == before
     (line,) = workspace.hidden("small", "journal.jsonl").read_text().splitlines()
     assert json.loads(line)["documents"]["scene"] == case["scene"]
+
+
+def test_an_edit_that_is_undone_leaves_the_case_as_it_was(workspace):
+    """A browser writes 34 where the file had 34.0."""
+    case = workspace.read("small")
+    other = json.loads(json.dumps(case))
+    other["scene"]["materials"]["firm"]["friction_deg"] = 28
+    assert workspace.save("small", case["revision"], other)
+    other["scene"]["materials"]["firm"]["friction_deg"] = 34
+    assert workspace.save("small", workspace.revision("small"), other)
+    assert workspace.revision("small") == case["revision"]
 
 
 def test_an_edit_with_a_fault_is_a_draft_and_the_files_stay(workspace):
@@ -307,7 +324,24 @@ def test_a_table_that_is_a_link_elsewhere_is_not_shown(workspace, tmp_path):
     assert workspace.read("small")["tables"] == {"own.csv": "x_m,y_m\n"}
 
 
-def test_an_edit_that_is_killed_while_it_is_written_is_a_whole_draft(workspace, monkeypatch):
+def test_files_that_are_changed_beside_a_draft_are_told(workspace):
+    case = workspace.read("small")
+    case["scene"]["materials"]["loose"]["cohesion_kpa"] = -3
+    assert workspace.save("small", case["revision"], case)
+    assert workspace.read("small")["beside"] is None
+    scene = workspace.place("small") / "scene.yaml"
+    scene.write_text(scene.read_text().replace("friction_deg: 34.0", "friction_deg: 31.0"))
+    found = workspace.read("small")
+    assert found["scene"]["materials"]["loose"]["cohesion_kpa"] == -3
+    assert found["beside"]["scene"]["materials"]["firm"]["friction_deg"] == 31
+    # The draft that is kept all the same is one on these files.
+    assert workspace.save("small", found["revision"], found)
+    assert workspace.read("small")["beside"] is None
+
+
+def test_an_edit_that_is_killed_while_it_is_written_is_written_by_the_next_look(
+    workspace, monkeypatch
+):
     case = workspace.read("small")
     case["scene"]["zones"][0]["name"] = "renamed"
     case["inversion"]["parameters"][0]["zones"] = ["renamed"]
@@ -318,9 +352,91 @@ def test_an_edit_that_is_killed_while_it_is_written_is_a_whole_draft(workspace, 
     monkeypatch.setattr("flowslide.studio.workspace.write_case", killed)
     with pytest.raises(KeyboardInterrupt):
         workspace.save("small", case["revision"], case)
+    assert workspace.hidden("small", "draft.json").is_file()
+    monkeypatch.undo()
+    # A slide and a job are of the files: what the page shows is in them.
     found = workspace.read("small")
-    assert found["draft"] and not found["faults"]
-    assert found["inversion"] == case["inversion"]
+    assert not found["draft"] and not found["faults"]
+    assert read_documents(workspace.place("small"))["inversion"] == case["inversion"]
+    assert workspace.ready("small") == workspace.place("small")
+
+
+def test_an_edit_that_is_cut_short_is_written_before_a_job_is_asked(workspace, monkeypatch):
+    case = workspace.read("small")
+    case["scene"]["spacing"] = 2.0
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flowslide.studio.workspace.write_case", killed)
+    with pytest.raises(KeyboardInterrupt):
+        workspace.save("small", case["revision"], case)
+    monkeypatch.undo()
+    assert workspace.case(workspace.ready("small").name).scene.spacing == 2.0
+
+
+def test_a_disk_that_is_full_is_no_edit_of_somebody_else(workspace, monkeypatch):
+    """The draft was written before the files had no room."""
+    case = workspace.read("small")
+    case["scene"]["spacing"] = 2.0
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("flowslide.studio.workspace.write_case", full)
+    with pytest.raises(NotKept, match="No space left on device") as told:
+        workspace.save("small", case["revision"], case)
+    monkeypatch.undo()
+    assert workspace.save("small", told.value.revision, case)
+    assert read_documents(workspace.place("small"))["scene"]["spacing"] == 2.0
+
+
+def test_what_a_case_was_at_first_is_kept_whole_or_not_yet(workspace, monkeypatch):
+    case, copy = workspace.read("small"), shutil.copy2
+
+    def full(source, target):
+        if Path(source).name == "scene.yaml":
+            Path(target).touch()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(source))
+        return copy(source, target)
+
+    monkeypatch.setattr(shutil, "copy2", full)
+    case["scene"]["spacing"] = 2.0
+    with pytest.raises(OSError, match="No space left on device") as told:
+        workspace.save("small", case["revision"], case)
+    assert told.value.errno == errno.ENOSPC  # one fault, in one line
+    assert not list(workspace.hidden("small").glob("*first*"))
+    monkeypatch.undo()
+    before = (workspace.place("small") / "scene.yaml").read_text()
+    assert workspace.save("small", case["revision"], case)
+    assert workspace.hidden("small", "first", "scene.yaml").read_text() == before
+
+
+def test_nothing_is_drafted_where_nothing_may_be_written(workspace, monkeypatch):
+    case, access = workspace.read("small"), os.access
+    own = workspace.place("small")
+    monkeypatch.setattr(os, "access", lambda path, mode: path != own and access(path, mode))
+    case["scene"]["spacing"] = 2.0
+    with pytest.raises(InputError, match="small: cannot be written: Permission denied"):
+        workspace.save("small", case["revision"], case)
+    assert workspace.revision("small") == case["revision"]
+
+
+def test_a_journal_has_whole_lines(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    append_line(path, "first")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    heard = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+        with pytest.raises(OSError, match="No space left|too large"):
+            append_line(path, "second")
+        assert path.read_text() == "first\n"
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, heard)
+    append_line(path, "second")
+    assert path.read_text() == "first\nsecond\n"
 
 
 def test_two_tabs_with_drafts_notice_each_other(workspace):
@@ -378,8 +494,10 @@ def test_a_new_case_that_is_killed_before_its_files_are_written_is_shown(workspa
     monkeypatch.setattr("flowslide.studio.workspace.write_case", killed)
     with pytest.raises(KeyboardInterrupt):
         workspace.save("drawn", case["revision"], {**case, "scene": SECTION})
+    monkeypatch.undo()
     found = workspace.read("drawn")
-    assert found["scene"] == SECTION and not found["faults"] and found["derived"]["points"] > 1000
+    assert found["scene"]["zones"] == SECTION["zones"]
+    assert not found["faults"] and found["derived"]["points"] > 1000
 
 
 def test_a_case_is_renamed_with_all_that_belongs_to_it(workspace, monkeypatch):

@@ -1,9 +1,10 @@
 // Questions about a case, the jobs that answer them, what they found, and their reports.
 
-import { get, reached, send } from "./api.js";
+import { bytes, get, pauseAfter, send } from "./api.js";
 import { draw, historyChart, impliedChart, misfitChart, rankingChart } from "./charts.js";
 import { asValues, namedEffects, switches, tellSwitches } from "./effect_switches.js";
 import { askStrengths } from "./predict.js";
+import { download } from "./saving.js";
 import { el } from "./ui.js";
 
 const $ = (id) => document.getElementById(id);
@@ -22,7 +23,7 @@ const QUESTIONS = [
   ]],
 ];
 
-let state, say, slide, watching, jobs = [];
+let state, say, slide, watching, jobs = [], tries = 0;
 const lines = new Map(); // number of a job -> { json, line }
 
 /**
@@ -108,8 +109,7 @@ function predict() {
 
 /** Jobs that are done, on the case as it is now; the newest first. */
 function ofThisCase() {
-  return jobs.filter((job) => isOurs(job) && job.state === "done"
-    && job.revision === state.found?.revision);
+  return jobs.filter((job) => isShown(job));
 }
 
 // --- jobs ---
@@ -117,7 +117,7 @@ function ofThisCase() {
 async function watchJobs() {
   clearTimeout(watching);
   const before = jobs;
-  try { jobs = await get("/api/jobs"); } catch { /* the server is gone: said elsewhere */ }
+  try { jobs = await get("/api/jobs"); tries = 0; } catch { tries += 1; /* the server is gone: said elsewhere */ }
   const ended = jobs.find((job) => ["done", "failed"].includes(job.state)
     && before.some((one) => one.id === job.id && one.state === "running"));
   // Those of other cases as long as this one may have to wait for them.
@@ -145,7 +145,8 @@ async function watchJobs() {
   showStrengths();
   if (ended && lines.has(ended.id)) tellEnd(ended);
   if (ended && isOurs(ended)) slide.ended(ended);
-  watching = setTimeout(watchJobs, jobs.some(({ state: now }) => ["running", "waiting"].includes(now)) ? 700 : 5000);
+  const isBusy = jobs.some(({ state: now }) => ["running", "waiting"].includes(now));
+  watching = setTimeout(watchJobs, tries ? pauseAfter(tries) : isBusy ? 700 : 5000);
 }
 
 /** What a button is known by when its line is made again: a summary counts, and its words change. */
@@ -169,7 +170,8 @@ function tellEnd(job) {
 /** It is done, on the case as it is and is shown. */
 const isShown = (job) => job.state === "done" && isOurs(job) && Boolean(state.found) && !isOld(job);
 
-const isOld = (job) => isOurs(job) && Boolean(state.found) && job.revision !== state.found.revision;
+/** It is on files that are no more; those that differ by an answer that was kept alone are the same to it. */
+const isOld = (job) => isOurs(job) && Boolean(state.found) && ![job.revision, ...job.kept].includes(state.found.revision);
 
 /** The newest answer of its kind is unfolded, those before it are not. */
 const isNewest = (job) => jobs.find((one) => one.state === "done" && one.kind === job.kind) === job;
@@ -233,19 +235,19 @@ function jobButtons(job) {
   if (["cancelled", "interrupted", "failed"].includes(job.state)) add("Go on", post("again"));
   if (job.values?.length && isShown(job)) {
     add("Show it", () => slide.showValues(job.values, job.options.spacing_m));
-    if (!state.found.shipped && !state.body) add("Keep it", () => slide.keepAnswer(job.values));
+    if (!state.found.shipped && !state.body) add("Keep it", () => slide.keepAnswer(job.id, job.values));
   }
   if (job.effects && isShown(job)) {
     const [named, values] = [namedEffects(job, state), asValues(job.effects.final, state)];
     // With a part of what was found together the picture would be of nothing: the switches show the parts.
     if (named) add("Show it", () => slide.showEffects(named, values, job.options.spacing_m));
-    if (named && job.effects.is_result && !state.found.shipped) add("Keep it", () => slide.keepAnswer(values, named));
+    if (named && job.effects.is_result && !state.found.shipped) add("Keep it", () => slide.keepAnswer(job.id, values, named));
   }
   const maps = job.files.find((file) => file.endsWith(".bin"));
   if (job.state === "done" && maps && isOurs(job) && state.found) add("Show it", () => slide.showMaps(job, maps));
   if (job.state === "done" && job.page) {
     add("Open the report", () => open(job, job.page));
-    add("PDF", () => download(job));
+    add("PDF", () => print(job));
   }
   const film = job.files.find((file) => file.endsWith(".gif"));
   if (job.state === "done" && film) add("Watch the film", () => open(job, film));
@@ -257,15 +259,12 @@ function open(job, file) {
   $("report").showModal();
 }
 
-async function download(job) {
+async function print(job) {
   say("printing the report ...");
-  let answer;
-  try { answer = await reached(`/api/jobs/${job.id}/pdf`); } catch (error) { say(error.message, true); return; }
-  if (!answer.ok) { say((await answer.json()).message, true); return; }
-  const link = el("a", { href: URL.createObjectURL(await answer.blob()), download: `${job.case}-${job.kind}.pdf` });
-  link.click();
-  URL.revokeObjectURL(link.href);
-  say(`${link.download} is with your downloads`);
+  try {
+    const pdf = new Blob([await bytes(`/api/jobs/${job.id}/pdf`)], { type: "application/pdf" });
+    say(`${download(pdf, `${job.case}-${job.kind}.pdf`)} is with your downloads`);
+  } catch (error) { say(error.message, true); }
 }
 
 // --- the table of strengths ---

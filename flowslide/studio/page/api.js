@@ -4,8 +4,19 @@ export async function get(path) {
   return answered(await reached(path));
 }
 
+/** What is no text, such as a PDF or a message of maps, as an ArrayBuffer. */
+export async function bytes(path) {
+  const answer = await reached(path);
+  return answer.ok ? answer.arrayBuffer() : answered(answer);
+}
+
+const MOST_PAUSE = 10000; // ms
+
+/** How long to wait [ms] after so many tries in vain: who does not answer for long is asked less often. */
+export const pauseAfter = (tries) => Math.min(1000 * 2 ** Math.max(tries - 1, 0), MOST_PAUSE);
+
 /** A server that is gone is told in the words of the page; each browser has others. */
-export async function reached(path, asked) {
+async function reached(path, asked) {
   try { return await fetch(path, asked); } catch { throw new Error("the server does not answer"); }
 }
 
@@ -45,21 +56,30 @@ export function unpack(buffer) {
 
 const PACE = 130; // ms in which a question may wait for a first answer to the one before it
 
-/** The sliders' socket; it connects again by itself. `on` has deposit, forecast, failed and connected. */
+/** The sliders' socket; it connects again by itself, at once where somebody comes back to the page. `on` has deposit, forecast, failed and connected. */
 export class Sliders {
   constructor(on) {
     this.on = on;
     this.number = 0;
     this.shown = 0;
     this.waiting = null;
+    this.tries = 0;
     this.connect();
+    addEventListener("visibilitychange", () => { if (!document.hidden && this.socket.readyState === WebSocket.CLOSED) this.connect(); });
   }
 
+  get isOpen() { return this.socket.readyState === WebSocket.OPEN; }
+
   connect() {
+    clearTimeout(this.again);
     this.socket = new WebSocket(`ws://${location.host}/api/live`);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => { this.on.connected(true); this.post(); };
-    this.socket.onclose = () => { this.on.connected(false); setTimeout(() => this.connect(), 1000); };
+    this.socket.onopen = () => { this.tries = 0; this.on.connected(true); this.post(); };
+    this.socket.onclose = () => {
+      this.tries += 1;
+      this.on.connected(false);
+      this.again = setTimeout(() => this.connect(), pauseAfter(this.tries));
+    };
     this.socket.onmessage = ({ data }) => {
       if (data instanceof ArrayBuffer) {
         const found = unpack(data);
@@ -94,7 +114,7 @@ export class Sliders {
 
   /** Send what is asked last; the next one as soon as there is a first answer, so that a drag does not keep the server busy. */
   post() {
-    if (this.socket.readyState !== WebSocket.OPEN || !this.waiting) return;
+    if (!this.isOpen || !this.waiting) return;
     clearTimeout(this.pacing);
     this.sent = this.number;
     this.socket.send(this.waiting);

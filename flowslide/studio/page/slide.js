@@ -20,7 +20,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
   const sliders = new Sliders({
     connected(is) {
       if (!is) say(GONE, true);
-      else if (["starting", GONE].includes($("status").textContent)) say("connected"); // what else was said since then stays
+      else if (["starting", GONE].includes($("status").textContent)) say(sliders.waiting ? SIMULATING : "connected"); // what else was said since then stays
     },
     deposit: show,
     forecast: showForecast,
@@ -186,8 +186,9 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     ask(true);
   }
 
-  /** The values and effects of an answer become those of the case; zones that share their soil with others get one of their own. */
-  function keepAnswer(values, effects = {}) {
+  /** The values and effects of a job's answer become those of the case; zones that share their soil with others get one of their own. */
+  function keepAnswer(job, values, effects = {}) {
+    const before = documents.now;
     documents.edit("answer", ({ scene }) => {
       if (Object.keys(effects).length) scene.effects = { ...scene.effects, ...shortened(effects) };
       for (const name of Object.keys(effects)) delete state.effects[name]; // the case has it from now on
@@ -196,7 +197,8 @@ export function makeSlide({ state, view, documents, say, reopen }) {
         const own = ownMaterials(scene, zones);
         for (const name of own) setProperty(scene.materials[name], property, short(value), zones);
       }
-    });
+    }, job);
+    if (documents.now === before && !documents.shipped) say("the case has this answer already");
   }
 
   /** One S_r replaces a ratio; a ratio comes with the least strength that the question states, or the usual 0.1 kPa. */
@@ -245,7 +247,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     clearTimeout(filming);
     asked = performance.now();
     waits = true;
-    say(SIMULATING);
+    if (sliders.isOpen) say(SIMULATING); else say(GONE, true);
     question(false);
   }
 

@@ -3,7 +3,7 @@
 import { answers } from "./answer.js";
 import { get, send, upload } from "./api.js";
 import { makeBody, PREFIX } from "./body/body.js";
-import { Documents } from "./documents.js";
+import { CHOOSE, Documents } from "./documents.js";
 import { Editor, TOOLS } from "./editor.js";
 import { blockOf, cellsOf, forget, knowUnits, numbersOf, pasteInto, setUp } from "./numbers.js";
 import { SectionPanel } from "./section_panel.js";
@@ -17,7 +17,7 @@ import { waterWords } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
 const view = new View($("canvas"), $("legend"));
-const CHOOSE = "this case was changed elsewhere while you edited it: choose which to keep first";
+const AGAIN = 3000; // ms until a first case that cannot be read is looked at again
 const GRIDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const state = { workspace: null, name: "", found: null, changes: null, effects: {}, spacing: 2, playing: false, film: false, answered: 0,
@@ -61,15 +61,18 @@ const documents = new Documents({
       state.told = "";
     }
     document.body.dataset.saved = found.revision;
+    questions?.refresh(); // which answers are of the case now
     proposeOnce();
     if (state.mode !== "section") slide.flow();
   },
   conflict(found) {
     say(`not saved: ${CHOOSE}`, true);
-    apart("This case was changed elsewhere while you edited it.", found);
+    apart("This case was changed elsewhere while you edited it.", found,
+      async () => { if (await open(state.name, true) && !state.found.faults.length) say("shown as it is now"); });
   },
-  elsewhere: async () => { if (await open(state.name, true, true)) say("changed elsewhere: shown as it is now"); },
+  elsewhere: async () => { if (await open(state.name, true, true) && !state.found.faults.length) say("changed elsewhere: shown as it is now"); },
   failed(words) { say(words, true); },
+  unread,
 });
 
 const editor = new Editor(view, {
@@ -100,7 +103,7 @@ const sectionPanel = new SectionPanel($("section-left"), $("section-right"), pag
 const surveyPanel = new SurveyPanel($("survey-left"), $("survey-right"), page);
 
 const slide = makeSlide({ state, view, documents, say, reopen: () => open(state.name, true) });
-const body = makeBody({ state, say, readings: (rows) => slide.readings(rows), ask: () => questions?.refresh() });
+const body = makeBody({ state, say, readings: (rows) => slide.readings(rows), ask: () => questions?.refresh(), unread });
 let questions = null;
 
 function refresh() {
@@ -149,7 +152,11 @@ async function open(name, again = false, unasked = false) {
   const turn = opening += 1;
   if (name.startsWith(PREFIX)) return openBody(name.slice(PREFIX.length));
   let found;
-  try { found = await get(`/api/cases/${name}`); } catch (error) { say(error.message, true); return false; }
+  try { found = await get(`/api/cases/${name}`); } catch (error) {
+    say(error.message, true);
+    if (!state.found) setTimeout(() => { if (turn === opening) open(name); }, AGAIN); // its files may be mended meanwhile
+    return false;
+  }
   if (turn !== opening) return false; // another one was asked for meanwhile
   if (unasked && documents.pending) return false; // to be saved is a conflict: somebody chooses
   if (state.body) { body.close(); questions?.refresh(); }
@@ -159,6 +166,10 @@ async function open(name, again = false, unasked = false) {
   $("apart").hidden = true;
   for (const kind of ["copy", "rename", "remove"]) $(kind).disabled = kind !== "copy" && found.shipped;
   documents.open(found);
+  if (found.beside) {
+    documents.hold();
+    apart("The files of this case were changed elsewhere, beside the draft that is shown.", found, () => documents.drop(found.beside));
+  }
   if (!again) { editor.use("select"); forget(); }
   if (!again || !editor.hasSelected()) editor.selection = {};
   view.level = undefined;
@@ -183,11 +194,23 @@ async function openBody(name) {
   return body.open(name);
 }
 
-function apart(words, found) {
+/** Somebody must choose: what the files have now, as `show` does, or what is here. */
+function apart(words, found, show) {
   $("apart").replaceChildren(words,
-    button("Show what is there now", () => open(state.name, true)),
+    button("Show what is there now", () => { $("apart").hidden = true; show(); }),
     button("Keep mine", () => { $("apart").hidden = true; documents.insist(found); }));
   $("apart").hidden = false;
+}
+
+/** The files of the case cannot be read, since they are half written or gone; empty `words`: they can be again. */
+async function unread(words) {
+  const told = words && `${words}. The page shows what was there before.`;
+  if (words && $("apart").textContent === told && !$("apart").hidden) return;
+  $("apart").hidden = !words;
+  $("apart").textContent = told;
+  if (!words) return;
+  try { state.workspace = await get("/api/workspace"); } catch { return; }
+  fillCases(nameNow()); // a folder may have another name now
 }
 
 function setMode(mode) {
@@ -314,7 +337,8 @@ async function madeCase() {
   const name = folderName();
   let read = [];
   try {
-    if (!await documents.flush()) throw new Error(CHOOSE);
+    const trouble = await documents.flush();
+    if (trouble) throw new Error(trouble);
     if (kind === "import" && !file) throw new Error("choose a drawing");
     if (!name && kind !== "remove") throw new Error("give it a name");
     if (kind === "rename" || kind === "remove") {
@@ -337,6 +361,9 @@ async function madeCase() {
     if (read.length) say(read.join("; "));
   } catch (error) { $("make-fault").textContent = error.message; }
 }
+
+/** The case that is open, as the list has it. */
+const nameNow = () => (state.body ? PREFIX : "") + state.name;
 
 /** Every case that can be opened, those in three dimensions last. */
 const allCases = () => [...state.workspace.cases, ...state.workspace.bodies.map((one) => ({ ...one, name: PREFIX + one.name }))];
@@ -396,12 +423,11 @@ async function start() {
   setUp(tellTyped, (words, act) => documents.together(words, act));
   document.addEventListener("paste", pasteInto);
   const cases = allCases();
-  const nameNow = () => (state.body ? PREFIX : "") + state.name;
   onChosen($("case"), async () => {
     const wanted = $("case").value;
-    if (await documents.flush()) { await open(wanted); return; }
-    $("case").value = nameNow();
-    say(CHOOSE, true);
+    const trouble = await documents.flush();
+    if (trouble) say(trouble, true); else await open(wanted);
+    if ($("case").value === wanted) $("case").value = nameNow(); // one that cannot be opened is not shown
   }, nameNow);
   for (const kind of Object.keys(MAKING)) $(kind).addEventListener("click", () => makeCase(kind));
   $("make-go").addEventListener("click", madeCase);

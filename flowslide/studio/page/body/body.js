@@ -1,6 +1,6 @@
 // A case in three dimensions: plan, block and section before the slide, a run with its film, what was measured.
 
-import { get, reached, unpack } from "../api.js";
+import { bytes, get, unpack } from "../api.js";
 import { download } from "../saving.js";
 import { button, css, el } from "../ui.js";
 import { Film } from "./film.js";
@@ -17,9 +17,10 @@ export const PREFIX = "3d/"; // of the name of a body in the list of cases
 
 /**
  * `state` is that of the page, whose `body` is true while one is open; `say(words, bad)` shows a line,
- * `readings(rows)` fills the table, `ask()` has the questions told again.
+ * `readings(rows)` fills the table, `ask()` has the questions told again, `unread(words)` says that its
+ * files cannot be read, or with "" that they can.
  */
-export function makeBody({ state, say, readings, ask }) {
+export function makeBody({ state, say, readings, ask, unread }) {
   let ground = null; // before the slide, at the spacing that is chosen
   let film = null; // what is shown: `ground`, a run, or a prediction
   let shown = null; // the job whose maps are shown
@@ -74,9 +75,7 @@ export function makeBody({ state, say, readings, ask }) {
     const own = turn += 1;
     say("reading the ground ...");
     try {
-      const answer = await reached(`/api/bodies/${state.name}/ground?spacing_m=${state.spacing}`);
-      if (!answer.ok) throw new Error((await answer.json()).message);
-      const found = new Film(unpack(await answer.arrayBuffer()));
+      const found = new Film(unpack(await bytes(`/api/bodies/${state.name}/ground?spacing_m=${state.spacing}`)));
       if (own !== turn || !state.body) return;
       ground = found;
       show(ground, null);
@@ -93,9 +92,7 @@ export function makeBody({ state, say, readings, ask }) {
     const own = turn += 1; // what was asked for before comes too late
     say("reading the maps of the job ...");
     try {
-      const answer = await reached(`/api/jobs/${job.id}/files/${file}`);
-      if (!answer.ok) throw new Error((await answer.json()).message);
-      const found = new Film(unpack(await answer.arrayBuffer()));
+      const found = new Film(unpack(await bytes(`/api/jobs/${job.id}/files/${file}`)));
       if (own !== turn || !state.body) return;
       found.frame = found.last;
       show(found, job);
@@ -308,11 +305,12 @@ export function makeBody({ state, say, readings, ask }) {
     const { name, found } = state;
     try {
       const { revision } = await get(`/api/bodies/${name}/revision`);
+      if (state.body && state.found === found) unread("");
       if (state.body && state.name === name && state.found === found && revision !== found.revision) {
         await open(name, true);
-        say("changed elsewhere: shown as it is now");
+        if (!state.found.faults.length) say("changed elsewhere: shown as it is now");
       }
-    } catch { /* the server is gone: said elsewhere */ }
+    } catch (error) { if (error.status === 400 && state.found === found) unread(error.message); /* a server that is gone is told elsewhere */ }
   }
 
   $("body-panes").replaceChildren(...PANES.map(([name, words], k) => button(words, () => toggle(name), { "data-pane": name, "aria-pressed": "true", title: `show or hide it (key ${k + 1})` })));
