@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,8 @@ from scipy import integrate
 from scipy.stats import kstest, norm
 
 import flowslide
+from benchmarks.generated_pages import around
+from benchmarks.studies import joint_slides
 from benchmarks.studies.joint_calibration import SLIDES, catalogue, ranks_of, told
 from diagnosis.track_record import mean_worth, worth_of
 from flowslide.command_line import main
@@ -37,7 +40,7 @@ from inversion.posterior.draws import Draws, save_draws
 from inversion.prediction.known_strength import ratio_of_relation, widened
 from pipeline.cli import InputError
 from pipeline.config import load_config
-from pipeline.files import write_json
+from pipeline.files import read_json, write_json
 from report.charts.joint import _ratio_axis
 from report.joint import summary, write_report
 from report.tables.joint import slide_table
@@ -240,6 +243,22 @@ def test_the_secondary_ranges_have_the_mean_and_scatter_that_are_quoted():
     mean, std = geometric_mean(load_ranges())
     assert len(load_ranges()) == 11
     assert mean == pytest.approx(0.095, abs=5e-4) and math.exp(std) == pytest.approx(1.43, abs=5e-3)
+
+
+@pytest.mark.slow
+def test_the_page_has_what_the_slides_at_hand_say():
+    """To the noise of the sampler, which is another on each processor."""
+    before, after = around(joint_slides.PAGE, "relation")
+    page = joint_slides.PAGE.read_text(encoding="utf-8")[len(before) : -len(after)].strip()
+    found = joint_slides.relation_table(joint_slides.slides_of(read_json(joint_slides.RECORD)))
+    words, figures = zip(*(_without_figures(text) for text in (page, found)), strict=True)
+    assert words[0] == words[1]
+    assert figures[1] == pytest.approx(figures[0], rel=0.1, abs=0.006)
+
+
+def _without_figures(text):
+    """A text without its figures, and these."""
+    return re.sub(r"\d[\d.]*", "_", text), [float(one) for one in re.findall(r"\d[\d.]*", text)]
 
 
 @pytest.fixture(scope="module")
