@@ -30,6 +30,9 @@ from pipeline.files import content_hash
 if TYPE_CHECKING:
     from geometry.survey.site import Site
 
+#: Raised whenever the same run is read otherwise: readings that are kept of it are not used then.
+READING_VERSION = 2
+
 
 @dataclass(frozen=True)
 class Deposit:
@@ -289,7 +292,7 @@ class Measured(Quantity):
             deciding["foot"] = float(foot[deciding["side"]])
         if self.code:
             deciding["code"] = self.code
-        return content_hash({"type": type(self).__name__, **deciding})
+        return content_hash({"type": type(self).__name__, "reading": READING_VERSION, **deciding})
 
     def observe(self, deposit: Deposit) -> np.ndarray:
         """Read this measurement on a deposit, (m,), in `unit`.

@@ -81,9 +81,8 @@ def test_strength_and_runout_are_those_of_the_command_line(browser, workspace, t
     shared = ["--spacing", SPACING, "--threads", 1]
     command(capsys, "invert", case, "--out", out, "--quick", "--report", "none", *shared)
     own = load_result(out)
-    assert {name: job[name] for name in ("answer", "strengths", "values", "implied")} == (
-        back_analysis(own)
-    )
+    names = ("answer", "strengths", "values", "implied", "ratios")
+    assert {name: job[name] for name in names} == back_analysis(own)
     assert job["answer"][0].startswith("S_r: ") and "95 %" in job["answer"][0]
     assert any("the full back-analysis has the rest" in line for line in job["answer"])
     (found,) = job["strengths"]
@@ -99,6 +98,7 @@ def test_strength_and_runout_are_those_of_the_command_line(browser, workspace, t
                    tmp_path / "prediction", *shared)  # fmt: skip
     document = json.loads((tmp_path / "prediction" / "prediction.json").read_text())
     assert left(browser, job, "prediction.json") == document
+    assert job["answer"][0].startswith("S_r ") and job["answer"][0].count("S_r") == 1
     (toe,) = [line for line in job["answer"] if line.startswith("toe")]
     (row,) = [line for line in said.splitlines() if line.startswith("toe (m)")]
     for digits in toe.replace("±", " ").split(":")[1].split("5 to 95 %")[0].split()[:2]:

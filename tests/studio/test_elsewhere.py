@@ -172,3 +172,27 @@ def test_buttons_of_the_tools_do_not_touch(address, browser, width):
         for other in boxes:
             if one is not other and abs(one["y"] - other["y"]) < 5 and other["x"] > one["x"]:
                 assert other["x"] - one["x"] - one["width"] >= 3
+
+
+def test_numbers_stand_in_one_column_whatever_their_unit(page):
+    section(page)
+    fields = page.locator("#section-left .field:not(.switch) .value > :first-child")
+    boxes = [one.bounding_box() for one in fields.all() if one.is_visible()]
+    numbers = [one for one in boxes if one["width"] < 100]
+    assert len(numbers) >= 3
+    assert len({round(one["x"]) for one in numbers}) == 1
+    assert len({round(one["width"]) for one in numbers}) == 1
+
+
+def test_a_slide_that_is_refused_leaves_what_is_shown_as_that_of_before(page):
+    strength = page.get_by_label("S_r, loose [kPa]")
+    strength.click(click_count=3)
+    page.keyboard.type("-1")
+    page.keyboard.press("Enter")
+    expect(page.locator("#status")).to_contain_text("what is shown is of the values before")
+    expect(page.locator("#readings")).to_have_class("before")
+    strength.click(click_count=3)
+    page.keyboard.type("9")
+    page.keyboard.press("Enter")
+    page.wait_for_function(IDLE, timeout=WAIT_MS)
+    expect(page.locator("#readings")).not_to_have_class("before")

@@ -41,11 +41,13 @@ def test_every_drag_ends_with_the_answer_to_where_it_ended(address, browser):
     box = slider.bounding_box()
     asked = {}
     for _ in range(100 if WALK else 5):
-        x, y = box["x"] + chance.random() * box["width"], box["y"] + box["height"] / 2
+        x, y = box["x"] + (0.1 + 0.9 * chance.random()) * box["width"], box["y"] + box["height"] / 2
         page.mouse.move(x, y)
         page.mouse.down()
         for _ in range(chance.randint(0, 12)):
-            x = min(max(x + chance.randint(-60, 60), box["x"] + 2), box["x"] + box["width"] - 2)
+            # Without a strength the slide is refused: its energy does not balance.
+            low, high = box["x"] + 0.1 * box["width"], box["x"] + box["width"] - 2
+            x = min(max(x + chance.randint(-60, 60), low), high)
             page.mouse.move(x, y + chance.randint(-10, 10))
             page.wait_for_timeout(chance.choice((0, 5, 30, 120)))
         page.mouse.up()

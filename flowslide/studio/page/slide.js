@@ -24,7 +24,14 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     },
     deposit: show,
     forecast: showForecast,
-    failed(message) { view.forecast = null; view.draw(); say(message, true); },
+    /** What is shown is still of the values before: its numbers stay pale. */
+    failed(message) {
+      view.forecast = null;
+      waits = false;
+      $("readings").classList.toggle("before", Boolean(view.deposit));
+      view.draw();
+      say(view.deposit ? `${message}; what is shown is of the values before` : message, true);
+    },
   });
 
   /** Sliders of the section as it is, and its slide; nothing where that is shown already, or a fault is to be mended. */
