@@ -17,11 +17,18 @@ PICTURES = os.environ.get("STUDIO_PICTURES")
 """Folder for pictures of the page, such as docs/images/studio; none: no pictures."""
 NEEDS_CHROMIUM = [
     pytest.mark.slow,
-    pytest.mark.flaky(reruns=1),  # a browser on a busy machine; the summary names who had to
     pytest.mark.skipif(
         CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
     ),
+    pytest.mark.flaky(reruns=1),  # a browser on a busy machine; the summary names who had to
 ]
+
+
+def needs_chromium(test):
+    """A test of a browser, in a file with others."""
+    for mark in NEEDS_CHROMIUM:
+        test = mark(test)
+    return test
 
 
 def watched(browser, *, width: int = 1280, height: int = 800):

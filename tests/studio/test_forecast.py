@@ -10,7 +10,7 @@ from flowslide.studio.forecast import Forecaster
 from flowslide.studio.live import Asked, question
 from geometry.case import load_case
 from pipeline.places import CASES, shipped
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, watched
+from tests.studio.browsing import WAIT_MS, answered, needs_chromium, watched
 from tests.studio.messages import unpack
 
 pytestmark = pytest.mark.slow
@@ -60,7 +60,7 @@ def test_the_newest_question_of_a_page_alone_is_answered(forecaster, case):
     assert found[-1] and not any(found[1:-1])
 
 
-@pytest.mark.skipif(NEEDS_CHROMIUM[1].args[0], reason="there is no chromium on this machine")
+@needs_chromium
 def test_its_band_is_shown_while_a_slider_is_dragged_until_the_deposit_is_there(tmp_path, browser):
     with serving(CASE, "--threads", "1", cwd=tmp_path) as address:
         page = watched(browser, width=1380, height=860)

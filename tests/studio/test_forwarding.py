@@ -11,8 +11,8 @@ from playwright.sync_api import expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from benchmarks.studio import CHROMIUM, serving
-from tests.studio.browsing import NEEDS_CHROMIUM, WAIT_MS, answered, watched
+from benchmarks.studio import serving
+from tests.studio.browsing import WAIT_MS, answered, needs_chromium, watched
 from tests.studio.forwarding import forwarded
 from tests.studio.messages import unpack
 
@@ -89,8 +89,7 @@ def test_pages_edits_and_sliders_pass_through_another_port(far, name):
             pass
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
-@NEEDS_CHROMIUM[0]
+@needs_chromium
 def test_somebody_moves_a_slider_through_another_port(far, browser):
     token, port = far
     page = watched(browser)
