@@ -10,6 +10,7 @@ import numpy as np
 
 from geometry.sides import SIDES, outward_of
 from mpm_taichi import layout
+from mpm_taichi.effects.framework.between import PointsNow, SettledPoints
 from mpm_taichi.rest import stands_still, still_frames
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.trajectory import Run
@@ -17,6 +18,8 @@ from mpm_taichi.trajectory import Run
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
     from geometry.sides import Side
+    from mpm_taichi.effects import Effect
+    from mpm_taichi.effects.framework.between import Between
     from mpm_taichi.solver.initial_state import PreparedScene
     from mpm_taichi.solver.runtime import Slots
 
@@ -24,7 +27,7 @@ CHUNK = 8
 """Frames computed between two looks at the results."""
 
 WATER_CHUNK = 2
-"""The same where water follows the soil."""
+"""The same where water follows the soil, or an effect renews its numbers between chunks."""
 
 
 @dataclass
@@ -43,6 +46,10 @@ class Flight:
     peak: float = 0.0
     wall_time: float = 0.0
     steps: int = 0
+    hosted: dict[Effect, Between] = field(default_factory=dict)
+    busy: float = 0.0  # time [s] until which they may yet set soil at rest in motion
+    settled: bool = False
+    renewed_at: int = 0  # frame
 
     def __post_init__(self) -> None:
         position = self.prepared.points.position[self.prepared.order].astype(np.float32)
@@ -118,12 +125,61 @@ class Flight:
         if self.prepared.face is not None and len(self.frames) > 1:
             slots.lay_water(slot, self.prepared.water_now(self.frames[-1].astype(np.float64)))
 
+    # -- effects with a part on the host --------------------------------------------------------
+
+    @property
+    def is_hosted(self) -> bool:
+        """An effect renews its numbers between chunks."""
+        return any(one.effect.between is not None for one in self.prepared.effects)
+
+    def renew_fields(self, slot: int, slots: Slots) -> None:
+        """Have effects on the host renew their numbers of the points for the coming chunk.
+
+        Before the first there is a chunk without frames, in which the stress settles.
+        """
+        if not self.is_hosted or not self.settled:
+            self.settled = True
+            return
+        slots.fetch()
+        where, last = slots.point_range(slot), len(self.frames) - 1
+        stress, position = slots.stress[where], self.frames[-1].astype(np.float64)
+        if not self.hosted:
+            prepared = self.prepared
+            start = SettledPoints(
+                position=prepared.points.position[prepared.order],
+                volume=prepared.volume,
+                stress=stress,
+                row=prepared.row,
+                soils=prepared.soils,
+                origin=prepared.grid.origin,
+                cell=prepared.grid.cell,
+                gravity=prepared.settings.gravity_m_per_s2,
+            )
+            self.hosted = {
+                one.effect: one.between(prepared.scene, start)
+                for one in prepared.effects
+                if one.effect.between is not None
+            }
+        now = PointsNow(
+            position=position,
+            stress=stress,
+            shear=slots.history[where, layout.SHEAR].astype(np.float64),
+            passed_s=(last - self.renewed_at) * self.prepared.frame_time,
+            coming_s=self.frames_wanted() * self.prepared.frame_time,
+        )
+        self.renewed_at = last
+        for effect, state in self.hosted.items():
+            slots.facts[where, slots.kernels.table.renewed_columns(effect)] = state.renew(now)
+
     # -- results --------------------------------------------------------------------------------
 
     def frames_wanted(self) -> int:
         """Frames of the coming chunk: none past the last, whose state is that of the run."""
         known = len(self.frames) - 1
-        chunk = CHUNK if self.prepared.face is None else WATER_CHUNK
+        if self.is_hosted and not self.hosted:
+            return 0
+        follows = self.prepared.face is not None or self.hosted
+        chunk = WATER_CHUNK if follows else CHUNK
         return next((n for n in range(1, chunk) if self._is_last(known + n)), chunk)
 
     def _is_last(self, frame: int) -> bool:
@@ -226,13 +282,17 @@ class Flight:
         self.peak = max(self.peak, kinetic)
         calm = kinetic <= settings.early_stop_energy_fraction * self.peak
         self.quiet = self.quiet + self.prepared.frame_time if calm else 0.0
-        frame_time, busy = self.prepared.frame_time, self.prepared.busy_until
+        frame_time, busy = self.prepared.frame_time, max(self.prepared.busy_until, self.busy)
         if not settings.early_stop:
             return
         now, count = len(self.frames) * frame_time, self.still_frames
         self.ended = now > busy and self.quiet >= settings.early_stop_hold_s
         if now > busy + count * frame_time and stands_still(self.frames, count, self.scene.spacing):
             self.ended = True
+        if self.ended and self.hosted:
+            left = max(settings.duration_s - now, 0.0)
+            self.busy = now + max(one.busy_for(left) for one in self.hosted.values())
+            self.ended = self.busy <= now
 
     def finish(self, slot: int, slots: Slots) -> Run:
         """The run, with kinematic points put back and the audit made up."""
@@ -314,6 +374,8 @@ class Flight:
             "peak_kinetic_j_per_m": self.peak,
             "peak_speed_m_per_s": float(max(e[layout.TOP_SPEED] for e in self.energies)),
         }
+        for state in self.hosted.values():
+            audit |= state.audit()
         if self.reason:
             audit["failed_at_s"] = self.failed_at
         return audit

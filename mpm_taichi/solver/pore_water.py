@@ -1,0 +1,455 @@
+"""Excess pore pressure that flows: Darcy's law on the cells of the grid, between chunks of a run.
+
+Each point carries the excess pressure u of its water, over still water. The stress that the kernels
+carry is that of soil and excess water together, so that s - u is the effective mean stress in the
+plane. Over a chunk of time the water of a saturated point does three things:
+
+1. undrained: u takes a change of s (B = 1), and what the soil would contract by in shear or, where
+   it is liquefied, under its own weight: S du = S ds + d(contraction);
+2. Darcy: S du/dt = div(k / gamma_w grad u), an implicit step (backward Euler) on square cells; u is
+   0 at free faces, in dry soil and in the pool, and nothing flows through the base, far boundaries
+   and soil without a permeability;
+3. it sets the strength of the chunk that follows: see `effects.pore_water`.
+
+S = 1/M + n/K_w is the storage: confined compression of the skeleton and of the water in its pores.
+Total stress does not change with the flow (Terzaghi and Rendulic), and the volume of the points
+neither: the settlement is read from the water that has left.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometry.sides import SIDES, outward_of
+from mpm_taichi.layout import XX, YY
+from mpm_taichi.solver.water import WATER_DENSITY
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from geometry.scenes.scene import Material, Scene
+    from mpm_taichi.effects.framework.between import PointsNow, SettledPoints
+
+WATER_BULK_MODULUS = 2.2e9
+"""Of water [Pa]."""
+POROSITY = 0.4
+"""n of the soils; the water in it is a hundredth of the storage or less."""
+CAVITATION = -1e5
+"""Excess pressure [Pa] below which water in soil cavitates; it holds no larger suction."""
+FLUID = 1e-3
+"""Effective stress below this share of the mean stress at the start: the grains hang in water."""
+TOLERANCE = 1e-10
+"""Of the implicit step: largest error of a pressure over the largest pressure."""
+MOST_TURNS = 2000
+"""Of conjugate gradients."""
+SOFTER, SOFTENED = 0.05, 0.01
+"""Water has work left while the effective stress of more than the second share of the soil will yet
+fall by more than the first share of the mean stress."""
+LOOKS = 12
+"""Steps, each twice as long as the one before, in which it is looked what water will yet do."""
+OWN_FRICTION, NO_PART = 2.0, -1.0
+"""Instead of a sine: the soil's own friction; a point whose water does not flow."""
+
+
+@dataclass(frozen=True)
+class PorousSoil:
+    """What the P moving points are to the water.
+
+    Attributes:
+        volume: (P,) [m2].
+        storage: (P,) S [1/Pa].
+        permeability: (P,) k [m/s]; 0: no water flows through it.
+        wet: (P,) bool, saturated.
+        contraction: (P,) volumetric strain that a soil loses as it reconsolidates from liquefaction
+            [-]; 0 where it does not liquefy.
+        sine: (P,) sin(phi') of soil that liquefies, `OWN_FRICTION` of the others.
+    """
+
+    volume: np.ndarray
+    storage: np.ndarray
+    permeability: np.ndarray
+    wet: np.ndarray
+    contraction: np.ndarray
+    sine: np.ndarray
+
+    @property
+    def takes_part(self) -> np.ndarray:
+        """Points whose water flows, (P,) bool."""
+        return self.wet & (self.permeability > 0.0)
+
+
+def constrained_modulus(soil: Material) -> float:
+    """M = lambda + 2 G [Pa]."""
+    nu = soil.poisson_ratio
+    return soil.youngs_modulus_pa * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+
+def porous_soil(
+    scene: Scene, settled: SettledPoints, factor: float, contraction: float
+) -> PorousSoil:
+    """The soil of a scene: permeabilities times a factor, contraction [-] of what liquefies."""
+    soils = settled.soils
+    own = np.array([factor * (soil.permeability_m_per_s or 0.0) for soil in soils])
+    storage = np.array(
+        [1.0 / constrained_modulus(s) + POROSITY / WATER_BULK_MODULUS for s in soils]
+    )
+    loose = np.array([soil.liquefied for soil in soils])
+    before = [soil.pre_failure.friction_rad if soil.pre_failure else 0.0 for soil in soils]
+    sine = np.where(loose, np.sin(before), OWN_FRICTION)
+    x, y = settled.position.T
+    row = settled.row
+    return PorousSoil(
+        volume=settled.volume,
+        storage=storage[row],
+        permeability=own[row],
+        wet=y < scene.phreatic_level(x),
+        contraction=np.where(loose, contraction, 0.0)[row],
+        sine=sine[row],
+    )
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Square cells around the soil, one ring beyond it, as water flows through them.
+
+    Attributes:
+        place: (T,) number of the cell of each point that takes part.
+        storage: (n, m) [m2/Pa] of the water in a cell; 0 where none flows.
+        across: (n - 1, m) flow to the right-hand neighbour per difference of pressure [m2/(Pa s)].
+        upward: (n, m - 1) the same to the neighbour above.
+        drained: (n, m) the same to where u = 0.
+        evening: (n, m) rate at which a wave as long as a cell fades in it [1/s].
+    """
+
+    place: np.ndarray
+    storage: np.ndarray
+    across: np.ndarray
+    upward: np.ndarray
+    drained: np.ndarray
+    evening: np.ndarray
+
+    def sums(self, values: np.ndarray) -> np.ndarray:
+        """Sums over the points of each cell, (n, m); `values` (T,) are of the points."""
+        total = np.bincount(self.place, weights=values, minlength=self.storage.size)
+        return total.reshape(self.storage.shape)
+
+    def at_points(self, values: np.ndarray) -> np.ndarray:
+        """Values (n, m) of the cells at the points that take part, (T,)."""
+        return values.ravel()[self.place]
+
+    def flow(self, pressure: np.ndarray) -> np.ndarray:
+        """Water that leaves each cell [m2/s] under `pressure` (..., n, m) [Pa]."""
+        right = self.across * (pressure[..., :-1, :] - pressure[..., 1:, :])
+        up = self.upward * (pressure[..., :-1] - pressure[..., 1:])
+        out = self.drained * pressure
+        out[..., :-1, :] += right
+        out[..., 1:, :] -= right
+        out[..., :-1] += up
+        out[..., 1:] -= up
+        return out
+
+    def advance(self, pressure: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """A step of backward Euler.
+
+        Args:
+            pressure: (b, n, m) [Pa], b fields side by side; 0 where no water flows.
+            dt: [s].
+
+        Returns:
+            (b, n, m) pressure after the step; (b,) water that has left through drained faces [m2].
+            What leaves one cell enters the next to rounding, whatever the error of the solution.
+        """
+        solved = self._solved(pressure, dt)
+        change = -dt * self.flow(solved) / np.where(self.storage > 0.0, self.storage, np.inf)
+        return pressure + change, dt * (self.drained * solved).sum(axis=(-2, -1))
+
+    def _solved(self, pressure: np.ndarray, dt: float) -> np.ndarray:
+        """Solution of (C + dt L) x = C u by conjugate gradients, in a fixed order of sums."""
+        active = self.storage > 0.0
+        diagonal = self.storage + dt * self.drained
+        diagonal[:-1] += dt * self.across
+        diagonal[1:] += dt * self.across
+        diagonal[:, :-1] += dt * self.upward
+        diagonal[:, 1:] += dt * self.upward
+        inverse = np.where(active, 1.0 / np.where(active, diagonal, 1.0), 0.0)
+        storage = np.where(active, self.storage, 1.0)
+        limit = TOLERANCE * np.abs(pressure).max(axis=(-2, -1), initial=0.0)
+
+        x = pressure.copy()
+        rest = -dt * self.flow(x)
+        way = inverse * rest
+        strength = (rest * way).sum(axis=(-2, -1))
+        for _ in range(MOST_TURNS):
+            if (np.abs(rest / storage).max(axis=(-2, -1), initial=0.0) <= limit).all():
+                break
+            push = self.storage * way + dt * self.flow(way)
+            curvature = (way * push).sum(axis=(-2, -1))
+            length = strength / np.where(curvature > 0.0, curvature, 1.0)
+            x += length[:, None, None] * way
+            rest -= length[:, None, None] * push
+            fall = inverse * rest
+            new = (rest * fall).sum(axis=(-2, -1))
+            way = fall + (new / np.where(strength > 0.0, strength, 1.0))[:, None, None] * way
+            strength = new
+        return x
+
+
+def lay_cells(
+    soil: PorousSoil,
+    position: np.ndarray,
+    *,
+    origin: tuple[float, float],
+    cell: float,
+    gravity: float,
+    closed: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> Cells:
+    """The cells around points that are at `position` (P, 2) [m].
+
+    Args:
+        soil: the points.
+        position: where they are now.
+        origin: a corner of cells [m].
+        cell: their edge [m].
+        gravity: [m/s2].
+        closed: (x, y of the centres of cells, (n, m)) -> bool, no water flows there: ground, walls.
+    """
+    number = np.floor((position - np.asarray(origin)) / cell).astype(np.int64)
+    low = number.min(axis=0) - 1
+    n, m = number.max(axis=0) - low + 2
+    place = (number[:, 0] - low[0]) * m + number[:, 1] - low[1]
+
+    def sums(chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.bincount(place[chosen], weights=values[chosen], minlength=n * m).reshape(n, m)
+
+    flows = soil.takes_part
+    storage = sums(flows, soil.storage * soil.volume)
+    active = storage > 0.0
+    # In series, as across layers: a thin seal in a cell holds the water up.
+    volume = sums(flows, soil.volume)
+    resistance = sums(flows, soil.volume / np.where(flows, soil.permeability, 1.0))
+    weight = WATER_DENSITY * gravity
+    conductivity = np.where(active, volume / np.where(active, resistance * weight, 1.0), 0.0)
+    x = origin[0] + cell * (low[0] + np.arange(n) + 0.5)
+    y = origin[1] + cell * (low[1] + np.arange(m) + 0.5)
+    filled = sums(np.ones(len(place), bool), soil.volume) > 0.0
+    shut = closed(*np.meshgrid(x, y, indexing="ij"))
+    dry = sums(~soil.wet & (soil.permeability > 0.0), soil.volume) > 0.0
+    free = ~active & (dry | _outside(~filled & ~shut))
+    across = _between(conductivity[:-1], conductivity[1:])
+    upward = _between(conductivity[:, :-1], conductivity[:, 1:])
+    faces = np.zeros((n, m))
+    faces[:-1] += free[1:]
+    faces[1:] += free[:-1]
+    faces[:, :-1] += free[:, 1:]
+    faces[:, 1:] += free[:, :-1]
+    return Cells(
+        place=place[flows],
+        storage=storage,
+        across=across,
+        upward=upward,
+        drained=2.0 * conductivity * faces,  # u = 0 half a cell from the centre
+        evening=(2.0 * np.pi / cell) ** 2
+        * np.where(active, conductivity * volume / np.where(active, storage, 1.0), 0.0),
+    )
+
+
+def _between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Harmonic means of conductivities; 0 next to a 0."""
+    both = one + other
+    return 2.0 * one * other / np.where(both > 0.0, both, 1.0)
+
+
+def _outside(empty: np.ndarray) -> np.ndarray:
+    """Empty cells that air or the pool reaches, (n, m) bool: no hole that soil has closed off."""
+    from scipy.ndimage import label
+
+    number, _ = label(empty)
+    edge = np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
+    return empty & np.isin(number, edge[edge > 0])
+
+
+class PoreWater:
+    """The pore water of a run; arrays in the solver's order of points.
+
+    Attributes:
+        excess: (P,) u [Pa]; 0 where no water flows.
+        owed: (P,) volumetric strain by which liquefied soil will yet contract [-].
+        expelled: water that has left through drained faces [m2].
+        contracted: water that soil has set free as it contracted [m2].
+        cavitated: the same where the pressure fell to `CAVITATION` [m2].
+    """
+
+    def __init__(
+        self,
+        soil: PorousSoil,
+        stress: np.ndarray,
+        lay: Callable[[np.ndarray], Cells],
+        *,
+        ratio: float,
+        contractancy: float,
+    ) -> None:
+        """Pore water of soil that has settled.
+
+        Args:
+            soil: the points.
+            stress: (P, 4) after settling [Pa], tension positive.
+            lay: `lay_cells` for positions (P, 2).
+            ratio: r_u at t = 0 of wet soil that liquefies: excess pressure over mean stress.
+            contractancy: volume that loose soil would lose per plastic shear strain [-].
+        """
+        self.soil, self.lay, self.contractancy = soil, lay, contractancy
+        self.mean = _mean(stress)
+        self.start = self.mean
+        flows = soil.takes_part
+        loose = flows & (soil.contraction > 0.0)
+        self.excess = np.where(loose, ratio * self.mean, 0.0)
+        spent = soil.storage * self.excess
+        self.owed = np.where(loose, np.maximum(soil.contraction - spent, 0.0), 0.0)
+        self.shear = np.zeros(len(stress))
+        self.fluid = loose & (self.effective <= FLUID * self.start)
+        self.expelled = self.contracted = self.cavitated = 0.0
+        self.cells: Cells
+
+    @property
+    def effective(self) -> np.ndarray:
+        """Effective mean stress s - u in the plane (P,) [Pa], not below 0."""
+        return np.maximum(self.mean - self.excess, 0.0)
+
+    @property
+    def content(self) -> float:
+        """Water in the pores over that at no effective stress [m2]; what leaves, it loses."""
+        flows = self.soil.takes_part
+        held = self.soil.storage * self.soil.volume * (self.excess - self.mean)
+        return float(held[flows].sum())
+
+    def renew(self, now: PointsNow) -> np.ndarray:
+        """Take the water through the time of a chunk.
+
+        Args:
+            now: the points at its end.
+
+        Returns:
+            (P, 4) float32, for the coming chunk: see `effects.pore_water.strength`.
+        """
+        self._undrained(_mean(now.stress), now.shear)
+        self.cells = self.lay(now.position)
+        if now.passed_s > 0.0:
+            self._flow(self.cells, now.passed_s)
+            self._settle_grains()
+        return self._strengths(now.coming_s)
+
+    def busy_for(self, left_s: float) -> float:
+        """Time [s], at most `left_s`, for which the water will go on softening soil at rest."""
+        ahead, now = copy(self), self.effective
+        flows, volume = self.soil.takes_part, self.soil.volume
+        step, time, until, most = left_s / (2**LOOKS - 1), 0.0, 0.0, 0.0
+        for look in range(LOOKS):
+            time += step * 2**look
+            ahead._flow(self.cells, step * 2**look)
+            ahead._settle_grains()
+            fall = np.maximum(now - ahead.effective, 0.0)
+            softer = volume[flows & (fall > SOFTER * self.mean)].sum()
+            lost = float((volume * fall).sum())
+            if lost > most and softer > SOFTENED * volume[flows].sum():
+                most, until = lost, time
+        return until
+
+    def audit(self) -> dict[str, float]:
+        """Accounts of the water [m2] at the end of a run."""
+        return {
+            "water_expelled_m2": self.expelled,
+            "water_contracted_m2": self.contracted,
+            "water_cavitated_m2": self.cavitated,
+        }
+
+    def _undrained(self, mean: np.ndarray, shear: np.ndarray) -> None:
+        """Excess pressure takes the change of mean stress, and what soil would contract by."""
+        flows, soil = self.soil.takes_part, self.soil
+        contracts = self.contractancy * np.maximum(shear - self.shear, 0.0)
+        contracts = np.minimum(np.minimum(contracts, self.owed), soil.storage * self.effective)
+        self._contract(np.where(flows, contracts, 0.0))
+        excess = np.where(flows, self.excess + (mean - self.mean), 0.0)
+        self.excess = np.where(flows, np.maximum(excess, CAVITATION), 0.0)
+        self.cavitated += float(((self.excess - excess) * soil.storage * soil.volume).sum())
+        self.mean, self.shear = mean, shear
+
+    def _contract(self, strain: np.ndarray) -> None:
+        """Soil gives a share (P,) of its volume to the water."""
+        self.owed = self.owed - strain
+        self.excess = self.excess + strain / self.soil.storage
+        self.contracted += float((strain * self.soil.volume).sum())
+
+    def _flow(self, cells: Cells, dt: float) -> None:
+        """A step of Darcy flow."""
+        flows = self.soil.takes_part
+        held = (self.soil.storage * self.soil.volume)[flows]
+        own = self.excess[flows]
+        before = cells.sums(held * own) / np.where(cells.storage > 0.0, cells.storage, 1.0)
+        (after,), (expelled,) = cells.advance(before[None], dt)
+        self.expelled += float(expelled)
+        # What differs within a cell evens out as a wave of that length does.
+        own = (own - cells.at_points(before)) / (1.0 + dt * cells.at_points(cells.evening))
+        excess = np.zeros(len(flows))
+        excess[flows] = cells.at_points(after) + own
+        self.excess = excess
+
+    def _settle_grains(self) -> None:
+        """Where grains hang in water they settle: u stays at s until the soil has contracted."""
+        lacks = np.maximum(self.mean - self.excess, 0.0) * self.soil.storage
+        self._contract(np.where(self.fluid, np.minimum(lacks, self.owed), 0.0))
+        loose = self.soil.takes_part & (self.soil.contraction > 0.0)
+        self.fluid = loose & (self.effective <= FLUID * self.start)
+
+    def _strengths(self, dt: float) -> np.ndarray:
+        """The numbers of the points for a chunk of `dt` [s], (P, 4) float32."""
+        soil, flows, effective = self.soil, self.soil.takes_part, self.effective
+        # The share of a load that would still be undrained after a step: 1 where water is shut in.
+        (left,), _ = self.cells.advance((self.cells.storage > 0.0).astype(float)[None], dt)
+        undrained = np.ones(len(flows))
+        undrained[flows] = np.clip(self.cells.at_points(left), 0.0, 1.0)
+        drained = 1.0 - undrained
+        held = effective - drained * self.mean
+        short = held < 0.0
+        drained = np.where(short, effective / np.maximum(self.mean, 1.0), drained)
+        fall = np.where(self.owed > 0.0, self.contractancy / soil.storage * undrained, 0.0)
+        rows = np.zeros((len(flows), 4), np.float32)
+        rows[:, 0], rows[:, 2] = drained, fall
+        rows[:, 1] = np.where(short, 0.0, held) + fall * self.shear
+        rows[:, 3] = np.where(flows, soil.sine, NO_PART)
+        return rows
+
+
+def _mean(stress: np.ndarray) -> np.ndarray:
+    """Mean of the two normal stresses in the plane, compression positive, (P,) [Pa]."""
+    return np.maximum(-0.5 * (stress[:, XX].astype(float) + stress[:, YY]), 0.0)
+
+
+def pore_water(
+    scene: Scene, settled: SettledPoints, factor: float, *, ratio: float, contraction: float,
+    contractancy: float,
+) -> PoreWater:  # fmt: skip
+    """The pore water of a scene; the numbers are those of `effects.pore_water`."""
+    soil = porous_soil(scene, settled, factor, contraction)
+
+    def closed(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        shut = y < scene.ground.height(x)
+        for side in SIDES:
+            if not scene.domain.is_open(side):
+                shut |= outward_of(side) * (x - scene.domain.wall(side)) > 0.0
+        return shut
+
+    def lay(position: np.ndarray) -> Cells:
+        return lay_cells(
+            soil,
+            position,
+            origin=settled.origin,
+            cell=settled.cell,
+            gravity=settled.gravity,
+            closed=closed,
+        )
+
+    return PoreWater(soil, settled.stress, lay, ratio=ratio, contractancy=contractancy)
