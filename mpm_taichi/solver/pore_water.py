@@ -46,6 +46,8 @@ TOLERANCE = 1e-10
 """Of the implicit step: largest error of a pressure over the largest pressure."""
 MOST_TURNS = 2000
 """Of conjugate gradients."""
+MOST_SWITCHES = 20
+"""Solutions of one step in which cells are held at their pressure or let go."""
 SOFTER, SOFTENED = 0.05, 0.01
 """Water has work left while the effective stress of more than the second share of the soil will yet
 fall by more than the first share of the mean stress."""
@@ -152,48 +154,77 @@ class Cells:
         out[..., 1:] -= up
         return out
 
-    def advance(self, pressure: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    def advance(
+        self, pressure: np.ndarray, dt: float, supply: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, float]:
         """A step of backward Euler.
 
         Args:
-            pressure: (b, n, m) [Pa], b fields side by side; 0 where no water flows.
+            pressure: (n, m) [Pa]; 0 where no water flows.
             dt: [s].
+            supply: (n, m) water [m2] by which a cell can make up for what it loses: its pressure
+                falls once that is spent. None: no cell has any.
 
         Returns:
-            (b, n, m) pressure after the step; (b,) water that has left through drained faces [m2].
-            What leaves one cell enters the next to rounding, whatever the error of the solution.
+            pressure after the step (n, m); the supply that was used (n, m) [m2]; the water that has
+            left through drained faces [m2]. What leaves one cell enters the next to rounding,
+            whatever the error of the solution.
         """
-        solved = self._solved(pressure, dt)
-        change = -dt * self.flow(solved) / np.where(self.storage > 0.0, self.storage, np.inf)
-        return pressure + change, dt * (self.drained * solved).sum(axis=(-2, -1))
+        used = np.zeros_like(pressure)
+        held = np.zeros(pressure.shape, bool) if supply is None else supply > 0.0
+        solved = pressure
+        for _ in range(MOST_SWITCHES):
+            solved = self._solved(pressure, used, held, dt, solved)
+            if supply is None:
+                break
+            lost = dt * self.flow(solved)
+            spent, fed = held & (lost > supply), held & (lost < 0.0)
+            back = ~held & (used > 0.0) & (solved > pressure)
+            used = np.where(spent, supply, np.where(back, 0.0, used))
+            switched, held = spent | fed | back, (held & ~spent & ~fed) | back
+            if not switched.any():
+                break
+        lost = dt * self.flow(solved)
+        used = np.where(held, lost, used)
+        change = (used - lost) / np.where(self.storage > 0.0, self.storage, np.inf)
+        return pressure + change, used, float(dt * (self.drained * solved).sum())
 
-    def _solved(self, pressure: np.ndarray, dt: float) -> np.ndarray:
-        """Solution of (C + dt L) x = C u by conjugate gradients, in a fixed order of sums."""
-        active = self.storage > 0.0
+    def _solved(
+        self,
+        pressure: np.ndarray,
+        source: np.ndarray,
+        held: np.ndarray,
+        dt: float,
+        start: np.ndarray,
+    ) -> np.ndarray:
+        """Solution of (C + dt L) x = C u + source but where u is held.
+
+        By conjugate gradients from `start`, with sums in a fixed order.
+        """
+        free = (self.storage > 0.0) & ~held
         diagonal = self.storage + dt * self.drained
         diagonal[:-1] += dt * self.across
         diagonal[1:] += dt * self.across
         diagonal[:, :-1] += dt * self.upward
         diagonal[:, 1:] += dt * self.upward
-        inverse = np.where(active, 1.0 / np.where(active, diagonal, 1.0), 0.0)
-        storage = np.where(active, self.storage, 1.0)
-        limit = TOLERANCE * np.abs(pressure).max(axis=(-2, -1), initial=0.0)
+        inverse = np.where(free, 1.0 / np.where(free, diagonal, 1.0), 0.0)
+        storage = np.where(free, self.storage, np.inf)
+        limit = TOLERANCE * float(np.abs(pressure).max(initial=0.0))
 
-        x = pressure.copy()
-        rest = -dt * self.flow(x)
+        x = np.where(held, pressure, start)
+        rest = free * (self.storage * (pressure - x) + source - dt * self.flow(x))
         way = inverse * rest
-        strength = (rest * way).sum(axis=(-2, -1))
+        strength = float((rest * way).sum())
         for _ in range(MOST_TURNS):
-            if (np.abs(rest / storage).max(axis=(-2, -1), initial=0.0) <= limit).all():
+            if np.abs(rest / storage).max(initial=0.0) <= limit:
                 break
-            push = self.storage * way + dt * self.flow(way)
-            curvature = (way * push).sum(axis=(-2, -1))
-            length = strength / np.where(curvature > 0.0, curvature, 1.0)
-            x += length[:, None, None] * way
-            rest -= length[:, None, None] * push
+            push = free * (self.storage * way + dt * self.flow(way))
+            length = strength / float((way * push).sum())
+            x = x + length * way
+            rest = rest - length * push
             fall = inverse * rest
-            new = (rest * fall).sum(axis=(-2, -1))
-            way = fall + (new / np.where(strength > 0.0, strength, 1.0))[:, None, None] * way
+            new = float((rest * fall).sum())
+            way = fall + (new / strength) * way
             strength = new
         return x
 
@@ -384,21 +415,27 @@ class PoreWater:
         self.contracted += float((strain * self.soil.volume).sum())
 
     def _flow(self, cells: Cells, dt: float) -> None:
-        """A step of Darcy flow."""
-        flows = self.soil.takes_part
-        held = (self.soil.storage * self.soil.volume)[flows]
-        own = self.excess[flows]
-        before = cells.sums(held * own) / np.where(cells.storage > 0.0, cells.storage, 1.0)
-        (after,), (expelled,) = cells.advance(before[None], dt)
-        self.expelled += float(expelled)
+        """A step of Darcy flow; where grains hang in water they settle as water leaves."""
+        flows, soil = self.soil.takes_part, self.soil
+        held = (soil.storage * soil.volume)[flows]
+        own, storage = self.excess[flows], np.where(cells.storage > 0.0, cells.storage, 1.0)
+        before = cells.sums(held * own) / storage
+        owed = (self.owed * soil.volume * self.fluid)[flows]
+        supply = cells.sums(owed)
+        mostly = cells.sums(held * self.fluid[flows]) > 0.5 * cells.storage
+        after, used, expelled = cells.advance(before, dt, np.where(mostly, supply, 0.0))
+        self.expelled += expelled
+        self.contracted += float(used.sum())
         # What differs within a cell evens out as a wave of that length does.
         own = (own - cells.at_points(before)) / (1.0 + dt * cells.at_points(cells.evening))
-        excess = np.zeros(len(flows))
+        excess, left = np.zeros(len(flows)), self.owed.copy()
         excess[flows] = cells.at_points(after) + own
-        self.excess = excess
+        part = cells.at_points(used / np.where(supply > 0.0, supply, 1.0))
+        left[flows] = self.owed[flows] * (1.0 - part * self.fluid[flows])
+        self.excess, self.owed = excess, left
 
     def _settle_grains(self) -> None:
-        """Where grains hang in water they settle: u stays at s until the soil has contracted."""
+        """What a step has left of effective stress in soil whose grains hang in water is none."""
         lacks = np.maximum(self.mean - self.excess, 0.0) * self.soil.storage
         self._contract(np.where(self.fluid, np.minimum(lacks, self.owed), 0.0))
         loose = self.soil.takes_part & (self.soil.contraction > 0.0)
@@ -408,7 +445,7 @@ class PoreWater:
         """The numbers of the points for a chunk of `dt` [s], (P, 4) float32."""
         soil, flows, effective = self.soil, self.soil.takes_part, self.effective
         # The share of a load that would still be undrained after a step: 1 where water is shut in.
-        (left,), _ = self.cells.advance((self.cells.storage > 0.0).astype(float)[None], dt)
+        left, _, _ = self.cells.advance((self.cells.storage > 0.0).astype(float), dt)
         undrained = np.ones(len(flows))
         undrained[flows] = np.clip(self.cells.at_points(left), 0.0, 1.0)
         drained = 1.0 - undrained
