@@ -29,6 +29,9 @@ CHUNK = 8
 WATER_CHUNK = 2
 """The same where water follows the soil, or an effect renews its numbers between chunks."""
 
+LOOK_AGAIN_S = 5.0
+"""Time after which it is looked again whether effects on the host will yet move soil at rest [s]."""
+
 
 @dataclass
 class Flight:
@@ -291,8 +294,8 @@ class Flight:
             self.ended = True
         if self.ended and self.hosted:
             left = max(settings.duration_s - now, 0.0)
-            self.busy = now + max(one.busy_for(left) for one in self.hosted.values())
-            self.ended = self.busy <= now
+            busy = max(one.busy_for(left) for one in self.hosted.values())
+            self.busy, self.ended = now + min(busy, LOOK_AGAIN_S), busy <= 0.0
 
     def finish(self, slot: int, slots: Slots) -> Run:
         """The run, with kinematic points put back and the audit made up."""

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.sides import SIDES, outward_of
-from mpm_taichi.layout import XX, YY
+from mpm_taichi.layout import XX, XY, YY
 from mpm_taichi.solver.water import WATER_DENSITY
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ MOST_TURNS = 2000
 MOST_SWITCHES = 20
 """Solutions of one step in which cells are held at their pressure or let go."""
 SOFTER, SOFTENED = 0.05, 0.01
-"""Water has work left while the effective stress of more than the second share of the soil will yet
-fall by more than the first share of the mean stress."""
+"""Water has work left while more than the second share of the soil will yet lack strength, by more
+than the first share of its mean stress."""
 LOOKS = 12
 """Steps, each twice as long as the one before, in which it is looked what water will yet do."""
 OWN_FRICTION, NO_PART = 2.0, -1.0
@@ -68,7 +68,9 @@ class PorousSoil:
         wet: (P,) bool, saturated.
         contraction: (P,) volumetric strain that a soil loses as it reconsolidates from liquefaction
             [-]; 0 where it does not liquefy.
-        sine: (P,) sin(phi') of soil that liquefies, `OWN_FRICTION` of the others.
+        loose: (P,) bool, it liquefies.
+        sine: (P,) sin(phi') of soil that liquefies, sin(phi) of the others.
+        least: (P,) strength without effective stress [Pa]: S_r, or c cos(phi).
     """
 
     volume: np.ndarray
@@ -76,12 +78,19 @@ class PorousSoil:
     permeability: np.ndarray
     wet: np.ndarray
     contraction: np.ndarray
+    loose: np.ndarray
     sine: np.ndarray
+    least: np.ndarray
 
     @property
     def takes_part(self) -> np.ndarray:
         """Points whose water flows, (P,) bool."""
         return self.wet & (self.permeability > 0.0)
+
+    def strength(self, effective: np.ndarray) -> np.ndarray:
+        """Largest shear stress (P,) [Pa] under an effective mean stress (P,) [Pa]."""
+        frictional = effective * self.sine
+        return np.where(self.loose, np.maximum(self.least, frictional), self.least + frictional)
 
 
 def constrained_modulus(soil: Material) -> float:
@@ -100,8 +109,8 @@ def porous_soil(
         [1.0 / constrained_modulus(s) + POROSITY / WATER_BULK_MODULUS for s in soils]
     )
     loose = np.array([soil.liquefied for soil in soils])
-    before = [soil.pre_failure.friction_rad if soil.pre_failure else 0.0 for soil in soils]
-    sine = np.where(loose, np.sin(before), OWN_FRICTION)
+    friction = np.array([_drained_friction(soil) for soil in soils])
+    least = np.array([s.cohesion_pa for s in soils]) * np.where(loose, 1.0, np.cos(friction))
     x, y = settled.position.T
     row = settled.row
     return PorousSoil(
@@ -110,8 +119,17 @@ def porous_soil(
         permeability=own[row],
         wet=y < scene.phreatic_level(x),
         contraction=np.where(loose, contraction, 0.0)[row],
-        sine=sine[row],
+        loose=loose[row],
+        sine=np.sin(friction)[row],
+        least=least[row],
     )
+
+
+def _drained_friction(soil: Material) -> float:
+    """Drained friction angle [rad]; 0 of soil that liquefies and is stated no strength before."""
+    if not soil.liquefied:
+        return soil.friction_rad
+    return soil.pre_failure.friction_rad if soil.pre_failure else 0.0
 
 
 @dataclass(frozen=True)
@@ -333,7 +351,7 @@ class PoreWater:
             contractancy: volume that loose soil would lose per plastic shear strain [-].
         """
         self.soil, self.lay, self.contractancy = soil, lay, contractancy
-        self.mean = _mean(stress)
+        self.mean, self.radius = _mean(stress), _radius(stress)
         self.start = self.mean
         flows = soil.takes_part
         loose = flows & (soil.contraction > 0.0)
@@ -367,6 +385,7 @@ class PoreWater:
             (P, 4) float32, for the coming chunk: see `effects.pore_water.strength`.
         """
         self._undrained(_mean(now.stress), now.shear)
+        self.radius = _radius(now.stress)
         self.cells = self.lay(now.position)
         if now.passed_s > 0.0:
             self._flow(self.cells, now.passed_s)
@@ -374,19 +393,22 @@ class PoreWater:
         return self._strengths(now.coming_s)
 
     def busy_for(self, left_s: float) -> float:
-        """Time [s], at most `left_s`, for which the water will go on softening soil at rest."""
-        ahead, now = copy(self), self.effective
+        """Time [s], at most `left_s`, until the water has softened soil that is now at rest.
+
+        Soil is softened enough to move where its strength will be below its shear stress of now.
+        """
+        ahead = copy(self)
         flows, volume = self.soil.takes_part, self.soil.volume
         step, time, until, most = left_s / (2**LOOKS - 1), 0.0, 0.0, 0.0
         for look in range(LOOKS):
             time += step * 2**look
             ahead._flow(self.cells, step * 2**look)
             ahead._settle_grains()
-            fall = np.maximum(now - ahead.effective, 0.0)
-            softer = volume[flows & (fall > SOFTER * self.mean)].sum()
-            lost = float((volume * fall).sum())
-            if lost > most and softer > SOFTENED * volume[flows].sum():
-                most, until = lost, time
+            lacks = np.maximum(self.radius - self.soil.strength(ahead.effective), 0.0)
+            soft = volume[flows & (lacks > SOFTER * self.mean)].sum()
+            lack = float((volume * lacks)[flows].sum())
+            if lack > most and soft > SOFTENED * volume[flows].sum():
+                most, until = lack, time
         return until
 
     def audit(self) -> dict[str, float]:
@@ -456,13 +478,18 @@ class PoreWater:
         rows = np.zeros((len(flows), 4), np.float32)
         rows[:, 0], rows[:, 2] = drained, fall
         rows[:, 1] = np.where(short, 0.0, held) + fall * self.shear
-        rows[:, 3] = np.where(flows, soil.sine, NO_PART)
+        rows[:, 3] = np.where(flows, np.where(soil.loose, soil.sine, OWN_FRICTION), NO_PART)
         return rows
 
 
 def _mean(stress: np.ndarray) -> np.ndarray:
     """Mean of the two normal stresses in the plane, compression positive, (P,) [Pa]."""
     return np.maximum(-0.5 * (stress[:, XX].astype(float) + stress[:, YY]), 0.0)
+
+
+def _radius(stress: np.ndarray) -> np.ndarray:
+    """Largest shear stress in the plane, (P,) [Pa]."""
+    return np.hypot(0.5 * (stress[:, XX].astype(float) - stress[:, YY]), stress[:, XY])
 
 
 def pore_water(

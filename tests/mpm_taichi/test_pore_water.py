@@ -5,7 +5,6 @@ import pytest
 
 from mpm_taichi.effects.framework.between import PointsNow
 from mpm_taichi.solver.pore_water import (
-    OWN_FRICTION,
     WATER_DENSITY,
     PorousSoil,
     PoreWater,
@@ -33,7 +32,9 @@ class Block:
             permeability=k(x, y) if callable(k) else k * full,
             wet=full > 0.0,
             contraction=loose * full if np.isscalar(loose) else loose(x, y),
-            sine=np.where(loose(x, y) > 0, 0.5, OWN_FRICTION) if callable(loose) else 0.5 * full,
+            loose=loose(x, y) > 0.0 if callable(loose) else loose * full > 0.0,
+            sine=0.5 * full,
+            least=0.0 * full,
         )
         mean = stress(x, y) if stress else 100e3 * full
         self.stress = np.stack([-mean, -mean, -mean, 0.0 * mean], axis=1)
