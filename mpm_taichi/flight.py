@@ -30,7 +30,7 @@ WATER_CHUNK = 2
 """The same where water follows the soil, or an effect renews its numbers between chunks."""
 
 LOOK_AGAIN_S = 5.0
-"""Time after which it is looked again whether effects on the host will yet move soil at rest [s]."""
+"""Time [s] after which it is looked again whether effects on the host will yet move soil."""
 
 
 @dataclass

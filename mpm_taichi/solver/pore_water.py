@@ -448,8 +448,11 @@ class PoreWater:
         after, used, expelled = cells.advance(before, dt, np.where(mostly, supply, 0.0))
         self.expelled += expelled
         self.contracted += float(used.sum())
-        # What differs within a cell evens out as a wave of that length does.
-        own = (own - cells.at_points(before)) / (1.0 + dt * cells.at_points(cells.evening))
+        # What differs within a cell evens out as a wave of that length does, but where grains hang
+        # in water, whose pressure follows the depth.
+        fade = np.where(self.fluid[flows], 1.0, 1.0 + dt * cells.at_points(cells.evening))
+        own = (own - cells.at_points(before)) / fade
+        own = own - cells.at_points(cells.sums(held * own) / storage)
         excess, left = np.zeros(len(flows)), self.owed.copy()
         excess[flows] = cells.at_points(after) + own
         part = cells.at_points(used / np.where(supply > 0.0, supply, 1.0))
