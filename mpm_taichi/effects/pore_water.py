@@ -40,7 +40,7 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
             if soil.friction > 0.0:
                 soil.cap = ti.min(soil.cap, soil.cohesion / soil.friction)
             held_strength += soil.cohesion / ti.sqrt(1.0 + soil.friction * soil.friction)
-        if not loose or effective * sine > soil.cohesion:
+        if not loose or effective * sine >= soil.cohesion:
             soil.friction = mobilised / cosine
             soil.cohesion = held_strength / cosine
         else:

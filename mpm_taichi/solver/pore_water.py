@@ -397,19 +397,23 @@ class PoreWater:
 
         Soil is softened enough to move where its strength will be below its shear stress of now.
         """
-        ahead = copy(self)
+        ahead, now = copy(self), self._lack()
         flows, volume = self.soil.takes_part, self.soil.volume
         step, time, until, most = left_s / (2**LOOKS - 1), 0.0, 0.0, 0.0
         for look in range(LOOKS):
             time += step * 2**look
             ahead._flow(self.cells, step * 2**look)
             ahead._settle_grains()
-            lacks = np.maximum(self.radius - self.soil.strength(ahead.effective), 0.0)
+            lacks = np.maximum(ahead._lack() - now, 0.0)
             soft = volume[flows & (lacks > SOFTER * self.mean)].sum()
             lack = float((volume * lacks)[flows].sum())
             if lack > most and soft > SOFTENED * volume[flows].sum():
                 most, until = lack, time
         return until
+
+    def _lack(self) -> np.ndarray:
+        """By how much the shear stress is above the strength, (P,) [Pa]."""
+        return np.maximum(self.radius - self.soil.strength(self.effective), 0.0)
 
     def audit(self) -> dict[str, float]:
         """Accounts of the water [m2] at the end of a run."""

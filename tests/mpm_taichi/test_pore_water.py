@@ -137,7 +137,7 @@ def test_water_gathers_under_a_seal_as_in_a_fine_column(time):
     found = cell_means(block, found).mean(axis=1)
     y, u = fine_column(k, 10.0, excess, time)
     expected = u.reshape(len(found), -1).mean(axis=1)
-    print(np.abs(found-expected).max()/60e3)
+    print(np.abs(found - expected).max() / 60e3)
     assert np.abs(found - expected).max() < 0.02 * 60e3
     # What the layer under the seal, which held none, has taken up [m3/m2].
     gained, fine = (STORAGE * (one[12:24] * h).sum() for one in (found, expected))
