@@ -16,6 +16,8 @@ from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.trajectory import Run
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from geometry.scenes.scene import Scene
     from geometry.sides import Side
     from mpm_taichi.effects import Effect
@@ -144,14 +146,12 @@ class Flight:
             self.settled = True
             return
         slots.fetch()
-        where, last = slots.point_range(slot), len(self.frames) - 1
-        stress, position = slots.stress[where], self.frames[-1].astype(np.float64)
+        where, prepared = slots.point_range(slot), self.prepared
         if not self.hosted:
-            prepared = self.prepared
             start = SettledPoints(
                 position=prepared.points.position[prepared.order],
                 volume=prepared.volume,
-                stress=stress,
+                stress=slots.stress[where],
                 row=prepared.row,
                 soils=prepared.soils,
                 origin=prepared.grid.origin,
@@ -163,16 +163,25 @@ class Flight:
                 for one in prepared.effects
                 if one.effect.between is not None
             }
+        coming = self.frames_wanted() * prepared.frame_time
+        for effect, numbers in self._renewed(slot, slots, coming):
+            slots.facts[where, slots.kernels.table.renewed_columns(effect)] = numbers
+
+    def _renewed(
+        self, slot: int, slots: Slots, coming_s: float
+    ) -> Iterator[tuple[Effect, np.ndarray]]:
+        """The effects on the host, taken to the present, and the numbers for the coming chunk."""
+        where, last = slots.point_range(slot), len(self.frames) - 1
         now = PointsNow(
-            position=position,
-            stress=stress,
+            position=self.frames[-1].astype(np.float64),
+            stress=slots.stress[where],
             shear=slots.history[where, layout.SHEAR].astype(np.float64),
             passed_s=(last - self.renewed_at) * self.prepared.frame_time,
-            coming_s=self.frames_wanted() * self.prepared.frame_time,
+            coming_s=coming_s,
         )
         self.renewed_at = last
         for effect, state in self.hosted.items():
-            slots.facts[where, slots.kernels.table.renewed_columns(effect)] = state.renew(now)
+            yield effect, state.renew(now)
 
     # -- results --------------------------------------------------------------------------------
 
@@ -302,6 +311,8 @@ class Flight:
         prepared = self.prepared
         points, order = prepared.points, prepared.order
         where = slots.point_range(slot)
+        if not self.reason:
+            list(self._renewed(slot, slots, prepared.frame_time))  # to the last frame
         total = len(points)
 
         def whole(values: np.ndarray) -> np.ndarray:
@@ -349,6 +360,11 @@ class Flight:
             wall_contact=dict(self.contact),
             wall_time_s=self.wall_time,
             steps=self.steps,
+            effect_fields={
+                name: whole(values)
+                for state in self.hosted.values()
+                for name, values in state.fields().items()
+            },
         )
 
     def _audit(

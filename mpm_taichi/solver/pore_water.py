@@ -415,6 +415,11 @@ class PoreWater:
         """By how much the shear stress is above the strength, (P,) [Pa]."""
         return np.maximum(self.radius - self.soil.strength(self.effective), 0.0)
 
+    def fields(self) -> dict[str, np.ndarray]:
+        """Excess pressure, and strength in shear of the soil where water flows (else 0) [Pa]."""
+        strength = np.where(self.soil.takes_part, self.soil.strength(self.effective), 0.0)
+        return {"excess_pore_pressure_pa": self.excess, "strength_pa": strength}
+
     def audit(self) -> dict[str, float]:
         """Accounts of the water [m2] at the end of a run."""
         return {

@@ -68,5 +68,8 @@ class Between(Protocol):
     def busy_for(self, left_s: float) -> float:
         """Time for which it will yet weaken soil at rest, at most `left_s` [s]; 0: not at all."""
 
+    def fields(self) -> dict[str, np.ndarray]:
+        """What points carry at the end of a run, (P,) each; names end in the unit."""
+
     def audit(self) -> dict[str, float]:
         """Its accounts at the end of a run."""
