@@ -302,9 +302,10 @@ class Flight:
         if now > busy + count * frame_time and stands_still(self.frames, count, self.scene.spacing):
             self.ended = True
         if self.ended and self.hosted:
-            left = max(settings.duration_s - now, 0.0)
-            busy = max(one.busy_for(left) for one in self.hosted.values())
-            self.busy, self.ended = now + min(busy, LOOK_AGAIN_S), busy <= 0.0
+            # What is at rest at the end of the duration has come to rest before it.
+            left = settings.duration_s - now - 2.0 * frame_time
+            busy = max(one.busy_for(left) for one in self.hosted.values()) if left > 0.0 else 0.0
+            self.busy, self.ended = now + min(busy, LOOK_AGAIN_S, left), busy <= 0.0
 
     def finish(self, slot: int, slots: Slots) -> Run:
         """The run, with kinematic points put back and the audit made up."""
