@@ -154,6 +154,7 @@ class Flight:
                 stress=slots.stress[where],
                 row=prepared.row,
                 soils=prepared.soils,
+                fixed=prepared.points.position[prepared.points.kinematic],
                 origin=prepared.grid.origin,
                 cell=prepared.grid.cell,
                 gravity=prepared.settings.gravity_m_per_s2,

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from diagnosis.hypotheses.model import FAMILIES, Candidate, Family
 from geometry.scenes.scene import Scene
-from mpm_taichi.effects import Active, Effect, effects, effects_on
+from mpm_taichi.effects import BY_THE_CLOCK, PORE_WATER, Active, Effect, effects, effects_on
 from pipeline.cli import InputError
 
 #: Share of the duration of a run within which an effect must have ended: the slide has to rest.
@@ -34,6 +34,8 @@ def acting_candidates(
         reason = effect.applies(scene)
         if name in on:
             reason = "the base model has it already"
+        elif name in BY_THE_CLOCK and PORE_WATER in on:
+            reason = "pore water flows in the base model, which gives what this states"
         elif effect.place and not set(effect.place) & set((numbers or {}).get(name, ())):
             reason = f"no place is stated: {' or '.join(effect.place)}"
         if reason:

@@ -7,8 +7,8 @@ plane. Over a chunk of time the water of a saturated point does three things:
 1. undrained: u takes a change of s (B = 1), and what the soil would contract by in shear or, where
    it is liquefied, under its own weight: S du = S ds + d(contraction);
 2. Darcy: S du/dt = div(k / gamma_w grad u), an implicit step (backward Euler) on square cells; u is
-   0 at free faces, in dry soil and in the pool, and nothing flows through the base, far boundaries
-   and soil without a permeability;
+   0 at free faces, in dry soil and in the pool, and nothing flows through the base, far boundaries,
+   fixed bodies and soil without a permeability;
 3. it sets the strength of the chunk that follows: see `effects.pore_water`.
 
 S = 1/M + n/K_w is the storage: confined compression of the skeleton and of the water in its pores.
@@ -237,6 +237,8 @@ class Cells:
             if np.abs(rest / storage).max(initial=0.0) <= limit:
                 break
             push = free * (self.storage * way + dt * self.flow(way))
+            if strength <= 0.0:
+                break
             length = strength / float((way * push).sum())
             x = x + length * way
             rest = rest - length * push
@@ -504,15 +506,22 @@ def _radius(stress: np.ndarray) -> np.ndarray:
     return np.hypot(0.5 * (stress[:, XX].astype(float) - stress[:, YY]), stress[:, XY])
 
 
+def _cells_at(x: np.ndarray, y: np.ndarray, origin: tuple[float, float], cell: float) -> np.ndarray:
+    """Cells at places [m] as complex numbers, column + i row."""
+    return np.floor((x - origin[0]) / cell) + 1j * np.floor((y - origin[1]) / cell)
+
+
 def pore_water(
     scene: Scene, settled: SettledPoints, factor: float, *, ratio: float, contraction: float,
     contractancy: float,
 ) -> PoreWater:  # fmt: skip
     """The pore water of a scene; the numbers are those of `effects.pore_water`."""
     soil = porous_soil(scene, settled, factor, contraction)
+    origin, cell = settled.origin, settled.cell
+    bodies = _cells_at(*settled.fixed.T, origin, cell)
 
     def closed(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        shut = y < scene.ground.height(x)
+        shut = (y < scene.ground.height(x)) | np.isin(_cells_at(x, y, origin, cell), bodies)
         for side in SIDES:
             if not scene.domain.is_open(side):
                 shut |= outward_of(side) * (x - scene.domain.wall(side)) > 0.0
@@ -522,8 +531,8 @@ def pore_water(
         return lay_cells(
             soil,
             position,
-            origin=settled.origin,
-            cell=settled.cell,
+            origin=origin,
+            cell=cell,
             gravity=settled.gravity,
             closed=closed,
         )

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from diagnosis.hypotheses.physics import acting_candidates
 from geometry.scenes.scene import scene_from_mapping, scene_hash
 from gns.data.scene_facts import check_base_physics
+from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_key
-from mpm_taichi.effects import effects_on, kernel_effects
+from mpm_taichi.effects import BY_THE_CLOCK, effects_on, kernel_effects
 from mpm_taichi.simulate import simulate
 from mpm_taichi.simulate3d import simulate_3d
 from mpm_taichi.solver3d.problem import extruded
@@ -132,6 +134,41 @@ def test_it_is_on_where_water_can_flow_and_the_scene_does_not_say_otherwise():
     assert effects_on(wet.changed(effects={"pore_water": 0.0})) == ()
     (ten,) = effects_on(wet.changed(effects={"pore_water": 10.0}))
     assert ten.amplitude == 10.0
+
+
+def test_a_fixed_body_holds_the_water_in():
+    wet = bank(permeability_m_per_s=1e-2)
+    wall = [[40.0, 0.0], [44.0, 0.0], [44.0, 6.0], [34.0, 6.0]]
+    held = wet.changed(zones=[*wet.zones, {"name": "wall", "material": "silt", "polygon": wall,
+                                           "kinematic": True}])  # fmt: skip
+    short = SimulationSettings(duration_s=0.5, early_stop=False)
+    free, beside = (simulate([one], short, threads=1)[0] for one in (wet, held))
+    near = np.flatnonzero((free.positions[0, :, 0] > 34.0) & (free.positions[0, :, 1] < 3.0))
+    pressures = [run.effect_fields["excess_pore_pressure_pa"][near] for run in (free, beside)]
+    assert pressures[1].mean() > 1.2 * pressures[0].mean()
+
+
+@pytest.mark.slow
+def test_the_point_schedule_agrees(monkeypatch):
+    wet = bank(permeability_m_per_s=1e-3)
+    short = SimulationSettings(duration_s=2.0, early_stop=False)
+    (by_scene,) = simulate([wet], short)
+    monkeypatch.setitem(simulation.SCHEDULES, "cpu", "point")
+    (by_point,) = simulate([wet], short)
+    assert by_scene.steps == by_point.steps
+    assert by_point.positions[-1] == pytest.approx(by_scene.positions[-1], abs=0.02)
+    name = "excess_pore_pressure_pa"
+    two = [run.effect_fields[name].mean() for run in (by_scene, by_point)]
+    assert two[0] == pytest.approx(two[1], rel=0.01)
+
+
+def test_no_clock_states_what_the_water_gives():
+    wet = bank(permeability_m_per_s=1e-5)
+    with pytest.raises(InputError, match="late_liquefaction: states as a function of time"):
+        simulate([wet.changed(effects={"late_liquefaction": 5.0})], SETTINGS)
+    found, left_out = acting_candidates(wet)
+    assert not {"pore_water", *BY_THE_CLOCK} & {one.name for one in found}
+    assert "the base model has it already" in left_out["pore_water"]
 
 
 def test_what_cannot_be_is_refused_in_one_line():

@@ -25,6 +25,7 @@ class SettledPoints:
         stress: (P, 4) xx, yy, zz, xy [Pa], tension positive.
         row: (P,) row of the soil of each.
         soils: of the rows.
+        fixed: (F, 2) points of fixed bodies [m].
         origin: first node of the grid [m].
         cell: [m].
         gravity: [m/s2].
@@ -35,6 +36,7 @@ class SettledPoints:
     stress: np.ndarray
     row: np.ndarray
     soils: Sequence[Material]
+    fixed: np.ndarray
     origin: tuple[float, float]
     cell: float
     gravity: float

@@ -60,6 +60,14 @@ PORE_WATER = "pore_water"
 """Effect that a scene has on at amplitude 1 where a material has a permeability and there is water:
 its pore water flows unless the scene says otherwise."""
 
+BY_THE_CLOCK = (
+    "late_liquefaction",
+    "spreading_liquefaction",
+    "reconsolidation",
+    "pore_pressure",
+)
+"""Effects that state as functions of time what flowing pore water gives."""
+
 _users: dict[str, Effect] = {}
 
 
@@ -120,7 +128,18 @@ def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
             if reason:
                 raise InputError(f"{where}{name}: can do nothing in this scene: {reason}")
             found[name] = active
+    for name in BY_THE_CLOCK:
+        if name in found and PORE_WATER in found:
+            raise InputError(
+                f"{where}{name}: states as a function of time what the pore water gives that flows "
+                "in this scene; leave it out, or permeability_m_per_s"
+            )
     return tuple(found[one.name] for one in (*library(), *user_effects()) if one.name in found)
+
+
+def flowing_pore_water(scene: Scene) -> bool:
+    """`PORE_WATER` is on."""
+    return any(one.effect.name == PORE_WATER for one in effects_on(scene))
 
 
 def has_permeability(scene: Scene) -> bool:
