@@ -102,9 +102,10 @@ def sealed(k):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_slope_under_a_seal_fails_late_the_later_the_slower_water_flows():
     late = []
-    for k in (3e-5, 1e-5):
+    for k in (9e-5, 3e-5):
         (run,) = simulate([sealed(k)], SimulationSettings(duration_s=4e-4 / k), threads=1)
         clay = run.zone == 2
         way = run.positions[:, clay] - run.positions[0, clay]
@@ -113,7 +114,7 @@ def test_a_slope_under_a_seal_fails_late_the_later_the_slower_water_flows():
         late.append(np.interp(0.1, moved, run.time))
     # With H^2 / c_v, but for the second that soil without strength takes to move so far.
     assert (late[1] - 1.0) / (late[0] - 1.0) == pytest.approx(3.0, rel=0.15)
-    shut, _ = simulate([sealed(1e-9), sealed(1e-9)], SimulationSettings(duration_s=40.0))
+    (shut,) = simulate([sealed(1e-9)], SimulationSettings(duration_s=40.0))
     assert shut.time[-1] < 10.0  # at rest, and water has nothing to do
     assert np.abs(shut.positions[-1] - shut.positions[0]).max() < 0.1
 
