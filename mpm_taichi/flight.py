@@ -10,13 +10,18 @@ import numpy as np
 
 from geometry.sides import SIDES, outward_of
 from mpm_taichi import layout
+from mpm_taichi.effects.framework.between import PointsNow, SettledPoints
 from mpm_taichi.rest import stands_still, still_frames
 from mpm_taichi.solver.boundary import MARGIN
 from mpm_taichi.trajectory import Run
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from geometry.scenes.scene import Scene
     from geometry.sides import Side
+    from mpm_taichi.effects import Effect
+    from mpm_taichi.effects.framework.between import Between
     from mpm_taichi.solver.initial_state import PreparedScene
     from mpm_taichi.solver.runtime import Slots
 
@@ -24,7 +29,10 @@ CHUNK = 8
 """Frames computed between two looks at the results."""
 
 WATER_CHUNK = 2
-"""The same where water follows the soil."""
+"""The same where water follows the soil, or an effect renews its numbers between chunks."""
+
+LOOK_AGAIN_S = 5.0
+"""Time [s] after which it is looked again whether effects on the host will yet move soil."""
 
 
 @dataclass
@@ -43,6 +51,10 @@ class Flight:
     peak: float = 0.0
     wall_time: float = 0.0
     steps: int = 0
+    hosted: dict[Effect, Between] = field(default_factory=dict)
+    busy: float = 0.0  # time [s] until which they may yet set soil at rest in motion
+    settled: bool = False
+    renewed_at: int = 0  # frame
 
     def __post_init__(self) -> None:
         position = self.prepared.points.position[self.prepared.order].astype(np.float32)
@@ -118,12 +130,69 @@ class Flight:
         if self.prepared.face is not None and len(self.frames) > 1:
             slots.lay_water(slot, self.prepared.water_now(self.frames[-1].astype(np.float64)))
 
+    # -- effects with a part on the host --------------------------------------------------------
+
+    @property
+    def is_hosted(self) -> bool:
+        """An effect renews its numbers between chunks."""
+        return any(one.effect.between is not None for one in self.prepared.effects)
+
+    def renew_fields(self, slot: int, slots: Slots) -> None:
+        """Have effects on the host renew their numbers of the points for the coming chunk.
+
+        Before the first there is a chunk without frames, in which the stress settles.
+        """
+        if not self.is_hosted or not self.settled:
+            self.settled = True
+            return
+        slots.fetch()
+        where, prepared = slots.point_range(slot), self.prepared
+        if not self.hosted:
+            start = SettledPoints(
+                position=prepared.points.position[prepared.order],
+                volume=prepared.volume,
+                stress=slots.stress[where],
+                row=prepared.row,
+                soils=prepared.soils,
+                fixed=prepared.points.position[prepared.points.kinematic],
+                origin=prepared.grid.origin,
+                cell=prepared.grid.cell,
+                gravity=prepared.settings.gravity_m_per_s2,
+            )
+            self.hosted = {
+                one.effect: one.between(prepared.scene, start)
+                for one in prepared.effects
+                if one.effect.between is not None
+            }
+        coming = self.frames_wanted() * prepared.frame_time
+        for effect, numbers in self._renewed(slot, slots, coming):
+            slots.facts[where, slots.kernels.table.renewed_columns(effect)] = numbers
+
+    def _renewed(
+        self, slot: int, slots: Slots, coming_s: float
+    ) -> Iterator[tuple[Effect, np.ndarray]]:
+        """The effects on the host, taken to the present, and the numbers for the coming chunk."""
+        where, last = slots.point_range(slot), len(self.frames) - 1
+        now = PointsNow(
+            position=self.frames[-1].astype(np.float64),
+            stress=slots.stress[where],
+            shear=slots.history[where, layout.SHEAR].astype(np.float64),
+            passed_s=(last - self.renewed_at) * self.prepared.frame_time,
+            coming_s=coming_s,
+        )
+        self.renewed_at = last
+        for effect, state in self.hosted.items():
+            yield effect, state.renew(now)
+
     # -- results --------------------------------------------------------------------------------
 
     def frames_wanted(self) -> int:
         """Frames of the coming chunk: none past the last, whose state is that of the run."""
         known = len(self.frames) - 1
-        chunk = CHUNK if self.prepared.face is None else WATER_CHUNK
+        if self.is_hosted and not self.hosted:
+            return 0
+        follows = self.prepared.face is not None or self.hosted
+        chunk = WATER_CHUNK if follows else CHUNK
         return next((n for n in range(1, chunk) if self._is_last(known + n)), chunk)
 
     def _is_last(self, frame: int) -> bool:
@@ -226,19 +295,26 @@ class Flight:
         self.peak = max(self.peak, kinetic)
         calm = kinetic <= settings.early_stop_energy_fraction * self.peak
         self.quiet = self.quiet + self.prepared.frame_time if calm else 0.0
-        frame_time, busy = self.prepared.frame_time, self.prepared.busy_until
+        frame_time, busy = self.prepared.frame_time, max(self.prepared.busy_until, self.busy)
         if not settings.early_stop:
             return
         now, count = len(self.frames) * frame_time, self.still_frames
         self.ended = now > busy and self.quiet >= settings.early_stop_hold_s
         if now > busy + count * frame_time and stands_still(self.frames, count, self.scene.spacing):
             self.ended = True
+        if self.ended and self.hosted:
+            # What is at rest at the end of the duration has come to rest before it.
+            left = settings.duration_s - now - 2.0 * frame_time
+            busy = max(one.busy_for(left) for one in self.hosted.values()) if left > 0.0 else 0.0
+            self.busy, self.ended = now + min(busy, LOOK_AGAIN_S, left), busy <= 0.0
 
     def finish(self, slot: int, slots: Slots) -> Run:
         """The run, with kinematic points put back and the audit made up."""
         prepared = self.prepared
         points, order = prepared.points, prepared.order
         where = slots.point_range(slot)
+        if not self.reason:
+            list(self._renewed(slot, slots, prepared.frame_time))  # to the last frame
         total = len(points)
 
         def whole(values: np.ndarray) -> np.ndarray:
@@ -286,6 +362,11 @@ class Flight:
             wall_contact=dict(self.contact),
             wall_time_s=self.wall_time,
             steps=self.steps,
+            effect_fields={
+                name: whole(values)
+                for state in self.hosted.values()
+                for name, values in state.fields().items()
+            },
         )
 
     def _audit(
@@ -314,6 +395,8 @@ class Flight:
             "peak_kinetic_j_per_m": self.peak,
             "peak_speed_m_per_s": float(max(e[layout.TOP_SPEED] for e in self.energies)),
         }
+        for state in self.hosted.values():
+            audit |= state.audit()
         if self.reason:
             audit["failed_at_s"] = self.failed_at
         return audit

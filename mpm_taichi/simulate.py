@@ -154,6 +154,7 @@ def _simulate_group(
         for slot, flight in flying.items():
             flight.make_way(slot, slots)
             flight.move_water(slot, slots)
+            flight.renew_fields(slot, slots)
             slots.set_frames(slot, flight.frames_wanted())
         began = time.perf_counter()
         slots.run()
@@ -188,6 +189,11 @@ def check_scene(scene: Scene, law: MaterialLaw, settings: SimulationSettings) ->
                 "initial_stress 'gravity_on' leaves out; allowed are settled, k0"
             )
     for one in effects_on(scene):
+        if one.effect.between is not None and settings.initial_stress == "gravity_on":
+            raise InputError(
+                f"{scene.name}: effects: {one.effect.name}: begins from the stress before failure, "
+                "which initial_stress 'gravity_on' leaves out; allowed are settled, k0"
+            )
         if one.effect.strength is not None and law.strength_constants is None:
             raise InputError(
                 f"{scene.name}: effects: {one.effect.name}: changes the strength, which the "

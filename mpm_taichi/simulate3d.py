@@ -91,6 +91,13 @@ def refuse_problem(problem: Problem3d, settings: SimulationSettings) -> None:
             f"{problem.name}: materials: strength_ratio: is of the stress before failure, which "
             "initial_stress 'gravity_on' leaves out; allowed are settled, k0"
         )
+    if problem.water is not None and any(
+        soil.permeability_m_per_s is not None for soil in problem.materials
+    ):
+        raise InputError(
+            f"{problem.name}: materials: permeability_m_per_s: pore water does not flow in three "
+            "dimensions; leave it out, or simulate a section"
+        )
     sloping = problem.water is not None and np.ptp(problem.water.values) > 0.0
     if sloping and settings.water == "pore_pressure" and settings.water_face == "moving":
         raise InputError(

@@ -86,6 +86,8 @@ class Run:
     wall_contact: dict[str, Any] = field(default_factory=dict)  # "left"/"right" -> since when [s]
     wall_time_s: float = 0.0
     steps: int = 0
+    # Name -> (N,) float32, final, of effects with a part on the host; not kept in files.
+    effect_fields: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def empty(cls, scene: Scene, settings: SimulationSettings, *, reason: str) -> Run:

@@ -57,6 +57,8 @@ class Lab:
             effects=kernel_effects(self.scene),
         )
         self.prepared = prepare(self.scene, self.settings)
+        if any(one.effect.between is not None for one in self.prepared.effects):
+            raise ValueError(f"{self.scene.name}: a laboratory has no effects on the host")
         self.count = len(self.prepared.order)
         self.slots = runtime.Slots(
             1, self.count, self.prepared.grid.nodes, CHUNK, device="cpu", kernels=kernels

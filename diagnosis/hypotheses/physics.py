@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from diagnosis.hypotheses.model import FAMILIES, Candidate, Family
 from geometry.scenes.scene import Scene
-from mpm_taichi.effects import Active, Effect, effects
+from mpm_taichi.effects import BY_THE_CLOCK, PORE_WATER, Active, Effect, effects, effects_on
 from pipeline.cli import InputError
 
 #: Share of the duration of a run within which an effect must have ended: the slide has to rest.
@@ -29,10 +29,13 @@ def acting_candidates(
         duration: of a run [s].
     """
     found, left_out = [], {}
+    on = {one.effect.name for one in effects_on(scene)}
     for name, effect in effects().items():
         reason = effect.applies(scene)
-        if scene.effects.get(name):
+        if name in on:
             reason = "the base model has it already"
+        elif name in BY_THE_CLOCK and PORE_WATER in on:
+            reason = "pore water flows in the base model, which gives what this states"
         elif effect.place and not set(effect.place) & set((numbers or {}).get(name, ())):
             reason = f"no place is stated: {' or '.join(effect.place)}"
         if reason:

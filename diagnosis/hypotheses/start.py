@@ -17,7 +17,7 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from inversion.estimation.forward import SectionSetup
-from mpm_taichi.effects import liquefied_zones
+from mpm_taichi.effects import flowing_pore_water, liquefied_zones
 from pipeline.cli import InputError
 
 SETTLED, SUDDEN, RATIO, LATE = "settled_start", "sudden_start", "lateral_stress", "late"
@@ -42,6 +42,8 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     if own != "gravity_on":
         if setup.has_strength_ratio:
             left_out[SUDDEN] = "a strength ratio is of the stress before failure, which it lacks"
+        elif flowing_pore_water(setup.scene):
+            left_out[SUDDEN] = "pore water begins from the stress before failure, which it lacks"
         else:
             words = "the section had not settled: its weight came on all at once"
             found.append(_start(SUDDEN, words, "gravity_on"))
@@ -51,6 +53,8 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     zones = liquefied_zones(setup.scene)
     if len(zones) < 2:
         left_out[LATE] = "one zone liquefied: none could be later than another"
+    elif flowing_pore_water(setup.scene):
+        left_out[LATE] = "pore water flows in the base model, which says when each liquefied"
     elif LATENESS in setup.scene.effects:
         left_out[LATE] = "the base model has late liquefaction already"
     else:

@@ -51,6 +51,9 @@ MOHR_COULOMB = "mohr_coulomb"
 MOST_STRENGTH_RATIO = 1.0
 """Greatest S_r / sigma'_v0 that is accepted; flow slides have 0.05 to 0.12, clay at peak 0.3."""
 
+MOST_PERMEABILITY = 1.0
+"""Greatest permeability that is accepted [m/s]: that of coarse gravel; sand has 1e-6 to 1e-3."""
+
 #: Context of a validation that looks at each field alone.
 UNCHECKED = "each field alone"
 
@@ -115,15 +118,23 @@ class Material(Strength):
         "its vertical effective stress before failure, at least cohesion_kpa; null = cohesion_kpa "
         "everywhere",
     )
+    permeability_m_per_s: float | None = Field(
+        None,
+        gt=0,
+        le=MOST_PERMEABILITY,
+        description="of saturated soil whose pore water flows [m/s]; null = none flows through it; "
+        "soil that liquefies has pre_failure.friction_deg where the water has drained",
+    )
     # A note: two scenes that differ in it alone are the same simulation.
     source: str = Field("", exclude=True, description="where the numbers come from; free text")
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """No ratio is not written: soils without one keep their hashes."""
+        """No ratio and no permeability are not written: soils without keep their hashes."""
         document = write(self)
-        if self.strength_ratio is None:
-            document.pop("strength_ratio", None)
+        for key in ("strength_ratio", "permeability_m_per_s"):
+            if getattr(self, key) is None:
+                document.pop(key, None)
         return document
 
     @property

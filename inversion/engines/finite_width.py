@@ -129,6 +129,8 @@ def refused(setup: SectionSetup) -> str:
 def paired(setup: SectionSetup) -> SectionSetup:
     """What both runs of a pair have: a coarser spacing, closed walls, no effects, no jitter.
 
+    Nor does pore water flow in them.
+
     Raises:
         InputError: the section does not hold together at the coarser spacing.
     """
@@ -141,8 +143,10 @@ def paired(setup: SectionSetup) -> SectionSetup:
         "x_max": domain.x_max + right,
         "walls": "closed",
     }
+    soils = scene.model_dump()["materials"]
     changes = {
         "domain": closed,
+        "materials": {n: {**soil, "permeability_m_per_s": None} for n, soil in soils.items()},
         "spacing": COARSER * scene.spacing,
         "jitter": 0.0,
         "seed": 0,

@@ -20,12 +20,15 @@ from mpm_taichi.effects.framework.base import (
 )
 from mpm_taichi.effects.framework.description import effects_table, effects_text
 from mpm_taichi.effects.framework.registry import (
+    BY_THE_CLOCK,
     LIBRARY,
+    PORE_WATER,
     acting_scene,
     changes_volume,
     effect,
     effects,
     effects_on,
+    flowing_pore_water,
     given_effects,
     has_own_code,
     kernel_effects,
@@ -40,9 +43,11 @@ the key of every run with an effect on. The effects share their kernels, so they
 
 __all__ = [
     "PHYSICS_VERSION",
+    "BY_THE_CLOCK",
     "DEGREE",
     "KPA",
     "LIBRARY",
+    "PORE_WATER",
     "STANDARD_GRAVITY",
     "Active",
     "Amplitude",
@@ -56,6 +61,7 @@ __all__ = [
     "effects_on",
     "effects_table",
     "effects_text",
+    "flowing_pore_water",
     "given_effects",
     "has_own_code",
     "kernel_effects",

@@ -69,6 +69,7 @@ class PreparedScene:
     variables: np.ndarray  # (R, V) float32, history variables of the law at t = 0
     # (R, 5) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa], strength ratio
     soil: np.ndarray
+    soils: tuple[Material, ...]  # R materials of the rows
     volume: np.ndarray  # (P,) float64 [m2]
     mass: np.ndarray  # (P,) float64 [kg/m]
     wave_speed: float  # m/s
@@ -151,6 +152,7 @@ def prepare(
         density=np.asarray(densities, np.float32),
         variables=_variables(rows, law),
         soil=np.array([_soil(material) for material in rows], np.float32),
+        soils=tuple(rows),
         volume=points.volume[order],
         mass=mass[order],
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),

@@ -25,4 +25,7 @@ def slump(effects=None, **changes):
         "spacing": 1.0,
         "effects": effects or {},
     }
+    if isinstance(effects, dict) and effects.get("pore_water"):
+        drained = {"friction_deg": 30, "cohesion_kpa": 60}
+        document["materials"]["silt"] |= {"permeability_m_per_s": 1e-3, "pre_failure": drained}
     return scene_from_mapping({**document, **changes})

@@ -21,6 +21,7 @@ from pipeline.cli import InputError
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
+    from mpm_taichi.effects.framework.between import Between, SettledPoints
 
 
 class _LazyTaichi:
@@ -124,6 +125,9 @@ class Effect:
     - `constants(scene, amplitude, parameters) -> {name: SI number}`: what `constant_names` lists.
     - `field(scene, position, amplitude, parameters) -> (N,)`: a fixed number for each point at
       `position` (N, 2) [m], found as `here.field`.
+    - `between(scene, settled, amplitude, parameters) -> Between`: a state on the host that renews
+      four numbers of each point after every chunk of the run, found as `here.renewed`; see
+      `effects.framework.between`.
     - `until(scene, amplitude, parameters) -> s`: time before which a run at rest may not be ended,
       because the effect will still change.
     - `applies(scene) -> str`: why it can do nothing in this scene, or "".
@@ -168,6 +172,7 @@ class Effect:
     constant_names: tuple[str, ...] = ()
     constants: Callable[[Scene, float, Numbers], dict[str, float]] | None = None
     field: Callable[[Scene, np.ndarray, float, Numbers], np.ndarray] | None = None
+    between: Callable[[Scene, SettledPoints, float, Numbers], Between] | None = None
     until: Callable[[Scene, float, Numbers], float] | None = None
     applies: Callable[[Scene], str] = always
 
@@ -243,6 +248,11 @@ class Active:
             if values.shape != (len(position),) or not np.isfinite(values).all():
                 raise ValueError(f"shape {values.shape}: {len(position)} finite numbers are needed")
         return values
+
+    def between(self, scene: Scene, settled: SettledPoints) -> Between:
+        """Its state on the host over a run, of an effect that has one."""
+        with self.effect.blamed("between"):
+            return self.effect.between(scene, settled, self.amplitude, self.parameters)
 
     def acting_scene(self, scene: Scene) -> Scene:
         """The scene that is simulated in place of `scene`."""

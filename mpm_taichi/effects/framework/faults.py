@@ -13,7 +13,7 @@ import numpy as np
 
 from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter
 
-_HOST_HOOKS = ("scene", "constants", "field", "until", "applies")
+_HOST_HOOKS = ("scene", "constants", "field", "between", "until", "applies")
 
 
 def faults(one: Effect) -> str:

@@ -12,7 +12,8 @@ stress, plane_pressure, that of the two in the plane, and vertical, the vertical
 vertical effective stress before failure, and mean_overburden, its mean over the liquefied points
 (all five in Pa, compression positive); liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of
 its material, with a strength ratio that of the point; cell [m]; memory and field, the effect's own
-numbers. Of a node (`node`): place x, y [m]; time [s]; cell [m].
+numbers; renewed, the four that its hook `between` renews. Of a node (`node`): place x, y [m]; time
+[s]; cell [m].
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations as objects.
@@ -22,6 +23,7 @@ from types import SimpleNamespace
 import taichi as ti
 
 from mpm_taichi.effects.framework.base import Effect
+from mpm_taichi.effects.framework.between import RENEWED
 from mpm_taichi.effects.framework.table import (
     CAP,
     COHESION,
@@ -54,6 +56,7 @@ from mpm_taichi.layout import (
     ZZ,
     A,
     vec2,
+    vec4,
 )
 from mpm_taichi.materials.law import MaterialLaw
 from mpm_taichi.solver.transfer import mass_weights
@@ -82,6 +85,7 @@ PointView = ti.types.struct(
     cell=_F32,
     memory=_F32,
     field=_F32,
+    renewed=vec4,
 )
 NodeView = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
 Soil = ti.types.struct(friction=_F32, cohesion=_F32, cap=_F32)
@@ -128,6 +132,7 @@ def point_view(p, step: A, state: A):
         cell=step.cell,
         memory=0.0,
         field=0.0,
+        renewed=vec4(0.0, 0.0, 0.0, 0.0),
     )
 
 
@@ -169,7 +174,7 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
     calls = {hook: _calls(table, hook) for hook in Effect.DEVICE_HOOKS}
     strengths, memories = table.places("strength"), table.places("memory")
     strength, memory = calls["strength"], calls["memory"]
-    fields, remembered = table.field, table.memory
+    fields, remembered, renewed = table.field, table.memory, table.renewed
     resistances, resistance = table.places("resistance"), calls["resistance"]
     dilations, dilation = table.places("dilation"), calls["dilation"]
     accelerations, acceleration = table.places("acceleration"), calls["acceleration"]
@@ -179,12 +184,15 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
 
     @ti.func
     def seen_by(view, p, facts: A, place: A):
-        """`view` of a point with the effect's own memory and field."""
+        """`view` of a point with the effect's own numbers."""
         own = view
         if ti.static(place in fields):
             own.field = facts[p, fields[place]]
         if ti.static(place in remembered):
             own.memory = facts[p, remembered[place]]
+        if ti.static(place in renewed):
+            for k in ti.static(range(RENEWED)):
+                own.renewed[k] = facts[p, renewed[place] + k]
         return own
 
     @ti.func

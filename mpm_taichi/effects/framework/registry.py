@@ -37,6 +37,7 @@ LIBRARY = (
     "remoulding",
     "bingham",
     "pore_pressure",
+    "pore_water",
     "inertial_friction",
     "cracking",
     "dilatancy",
@@ -54,6 +55,18 @@ in which several effects act on the same number."""
 
 MOST_ON_DEVICE = 31
 """Effects with hooks on points or nodes that kernels can distinguish, the library's included."""
+
+PORE_WATER = "pore_water"
+"""Effect that a scene has on at amplitude 1 where a material has a permeability and there is water:
+its pore water flows unless the scene says otherwise."""
+
+BY_THE_CLOCK = (
+    "late_liquefaction",
+    "spreading_liquefaction",
+    "reconsolidation",
+    "pore_pressure",
+)
+"""Effects that state as functions of time what flowing pore water gives."""
 
 _users: dict[str, Effect] = {}
 
@@ -89,6 +102,8 @@ def effect(name: str) -> Effect:
 def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
     """The effects a scene has on, in the order in which they act; amplitude 0 is off.
 
+    `PORE_WATER` is on, too, where a material's permeability says so.
+
     Args:
         scene: the scene.
         source: what messages begin with; None: the scene's name.
@@ -97,10 +112,10 @@ def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
         InputError: one line: an unknown effect or parameter, a number out of its range, an effect
             that can do nothing in this scene.
     """
-    if not scene.effects:
+    found = _implied(scene)
+    if not scene.effects and not found:
         return ()
     where = f"{source or scene.name}: effects: "
-    found = {}
     for name, entry in scene.effects.items():
         try:
             one = effect(name)
@@ -113,7 +128,31 @@ def effects_on(scene: Scene, source: str | None = None) -> tuple[Active, ...]:
             if reason:
                 raise InputError(f"{where}{name}: can do nothing in this scene: {reason}")
             found[name] = active
+    for name in BY_THE_CLOCK:
+        if name in found and PORE_WATER in found:
+            raise InputError(
+                f"{where}{name}: states as a function of time what the pore water gives that flows "
+                "in this scene; leave it out, or permeability_m_per_s"
+            )
     return tuple(found[one.name] for one in (*library(), *user_effects()) if one.name in found)
+
+
+def flowing_pore_water(scene: Scene) -> bool:
+    """`PORE_WATER` is on."""
+    return any(one.effect.name == PORE_WATER for one in effects_on(scene))
+
+
+def has_permeability(scene: Scene) -> bool:
+    """Water flows through some soil."""
+    return any(soil.permeability_m_per_s is not None for soil in scene.materials.values())
+
+
+def _implied(scene: Scene) -> dict[str, Active]:
+    """Effects that are on though the scene does not name them."""
+    if PORE_WATER in scene.effects or not has_permeability(scene):
+        return {}
+    one = effect(PORE_WATER)
+    return {} if one.applies(scene) else {one.name: _read(one, 1.0, "")}
 
 
 def _read(one: Effect, entry: float | Mapping[str, float], where: str) -> Active:

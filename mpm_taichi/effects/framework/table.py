@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpm_taichi.effects.framework.base import Active, Effect
+from mpm_taichi.effects.framework.between import RENEWED
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -28,6 +29,7 @@ class EffectTable:
         width: columns of the table of slots.
         field: effect's place -> column of its fixed number in the table of points.
         memory: effect's place -> column of the number that points carry.
+        renewed: effect's place -> first column of its `RENEWED` numbers.
         facts: columns of the table of points.
     """
 
@@ -44,7 +46,16 @@ class EffectTable:
                 if getattr(one, hook) is not None:
                     columns[place] = column
                     column += 1
+        self.renewed: dict[int, int] = {}
+        for place in self.places("between"):
+            self.renewed[place] = column
+            column += RENEWED
         self.facts = column
+
+    def renewed_columns(self, one: Effect) -> slice:
+        """Columns of the numbers that an effect's hook `between` renews."""
+        first = self.renewed[self.effects.index(one)]
+        return slice(first, first + RENEWED)
 
     def places(self, hook: str) -> tuple[int, ...]:
         """Places of the effects that have a hook."""
