@@ -179,6 +179,23 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
         "rate_strengthening": 0.4})  # fmt: skip
     kept = yaml.safe_load(scene.read_text())
     assert kept["materials"]["loose"]["cohesion_kpa"] == 6.0
+    # The switch says what the picture has: the effect is the case's own until it is undone.
+    expect(seen).to_have_text("Seen now: with rate strengthening 0.4.")
+    expect(rate).to_have_attribute("aria-checked", "true")
+    expect(rate).to_be_disabled()
+    page.locator("#canvas").click()
+    page.keyboard.press("Control+z")
+    expect(seen).to_have_text("Seen now: without any effect.", timeout=WAIT_MS)
+    expect(rate).to_have_attribute("aria-checked", "false")
+    expect(rate).to_be_enabled()
+
+    # Answers of a case are there with it, not seconds later.
+    for name in ("sheffield", "small"):
+        page.locator("#case").focus()
+        page.keyboard.type(name)
+        page.keyboard.press("Enter")
+        expect(page.locator(f'body[data-case="{name}"]')).to_have_count(1, timeout=WAIT_MS)
+        expect(page.locator("#jobs > li")).to_have_count(int(name == "small"), timeout=1500)
 
 
 @pytest.fixture

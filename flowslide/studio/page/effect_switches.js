@@ -17,7 +17,10 @@ export function namedEffects({ effects }, state) {
   return named.every((one) => canBeShown(one, state)) ? Object.fromEntries(named.map(({ name, amplitude }) => [name, amplitude])) : null;
 }
 
-const isOn = (one, state) => state.effects[one.name] !== undefined && Math.abs(state.effects[one.name] - one.amplitude) <= 1e-3 * Math.abs(one.amplitude);
+/** Amplitudes of the picture's effects by name: those of the case, and those of the sliders. */
+const shownEffects = (state) => Object.fromEntries(Object.entries({ ...state.found?.scene?.effects, ...state.effects }).map(([name, one]) => [name, one?.amplitude ?? one]));
+const isOn = ({ name, amplitude }, state) => Math.abs((shownEffects(state)[name] ?? 0) - amplitude) <= 1e-3 * Math.abs(amplitude);
+const isOfCase = (one, state) => isOn(one, state) && !(one.name in state.effects);
 
 /** A switch for each effect that the answer of a job names or has tried. */
 export function switches(job, state, slide) {
@@ -34,7 +37,6 @@ export function switches(job, state, slide) {
   const rows = each.map((one) => {
     const knob = el("button", { type: "button", role: "switch", className: "switch", "aria-label": plain(one.name) });
     knob.addEventListener("click", () => turn(one, knob.getAttribute("aria-checked") !== "true"));
-    if (!canBeShown(one, state)) Object.assign(knob, { disabled: true, title: "another section, soil or survey: it is no effect that the picture can switch" });
     knob.effect = one;
     return el("div", { role: "listitem" }, knob, el("span", { title: one.words },
       el("b", { textContent: plain(one.name) }), ` ${one.told}${one.how === "named" ? "" : `, ${one.how}`}${canBeShown(one, state) ? "" : ": not in the picture"}`));
@@ -51,11 +53,16 @@ export function switches(job, state, slide) {
 
 /** Say of all switches in a part of the page which effects the picture has now. */
 export function tellSwitches(part, state) {
-  for (const knob of part.querySelectorAll("[role=switch]")) knob.setAttribute("aria-checked", String(isOn(knob.effect, state)));
+  for (const knob of part.querySelectorAll("[role=switch]")) {
+    const one = knob.effect;
+    knob.setAttribute("aria-checked", String(isOn(one, state)));
+    knob.title = !canBeShown(one, state) ? "another section, soil or survey: it is no effect that the picture can switch"
+      : isOfCase(one, state) ? "the case has it: undo takes out what was kept" : "";
+    knob.disabled = Boolean(knob.title);
+  }
   const strengths = Object.values(state.changes?.strengths_kpa ?? {});
   for (const told of part.querySelectorAll(".seen")) {
-    const there = { ...state.found?.scene?.effects, ...state.effects }; // the case may have some of its own
-    const now = Object.entries(there).map(([name, one]) => [name, one?.amplitude ?? one]).filter(([, amplitude]) => amplitude > 0 || amplitude < 0).map(([name, amplitude]) => `${plain(name)} ${Number(amplitude.toPrecision(3))}`);
+    const now = Object.entries(shownEffects(state)).filter(([, amplitude]) => amplitude > 0 || amplitude < 0).map(([name, amplitude]) => `${plain(name)} ${Number(amplitude.toPrecision(3))}`);
     const with_ = now.length ? `with ${now.join(" and ")}` : "without any effect";
     const strength = strengths.length === 1 ? `, strength ${Number(strengths[0].toPrecision(3))} kPa` : "";
     const named = told.effects.filter(({ how }) => how === "named");

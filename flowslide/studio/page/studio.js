@@ -159,7 +159,7 @@ async function open(name, again = false, unasked = false) {
   }
   if (turn !== opening) return false; // another one was asked for meanwhile
   if (unasked && documents.pending) return false; // to be saved is a conflict: somebody chooses
-  if (state.body) { body.close(); questions?.refresh(); }
+  if (state.body) body.close();
   Object.assign(state, { name, found, effects: {}, changes: { strengths_kpa: {}, friction_deg: {} }, fresh: false });
   history.replaceState(null, "", `#${name}`);
   $("origin").textContent = found.shipped ? "read only" : "";
@@ -180,6 +180,7 @@ async function open(name, again = false, unasked = false) {
   else if (!again) say(""); // what was said of another case is nothing of this one
   setMode(again ? state.mode : found.scene.zones?.length ? state.mode : "section");
   document.body.dataset.case = name;
+  questions?.refresh(); // its answers
   return true;
 }
 
