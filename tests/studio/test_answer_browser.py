@@ -191,6 +191,7 @@ def test_a_diagnosis_shows_its_ranking_and_switches_its_effects(workspace, page)
 
     # Answers of a case are there with it, not seconds later.
     for name in ("sheffield", "small"):
+        page.wait_for_timeout(1500)  # by then the list has forgotten what was typed before
         page.locator("#case").focus()
         page.keyboard.type(name)
         page.keyboard.press("Enter")
