@@ -10,15 +10,14 @@ from pydantic import Field
 
 from geometry.scenes.scene import Scene
 from geometry.sides import Side, outward_of
-from geometry.survey.columns import naked_eye_toe, toe
+from geometry.survey.columns import connected, naked_eye_toe, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site, check_in_domain
 from geometry.survey.surface_profile import ground_elevation
 from pipeline.cli import InputError
 
-#: Share of all soil. The front of a deposit that hangs together holds less beyond the place where
-#: it is one spacing thick; what came off and holds more has run on, and is where the slide ends.
+#: Share of all soil. What came off and holds more has run on, and is where the slide ends.
 OFF = 0.02
 #: Soil within this many spacings of the ground lies on it, and does not fly.
 LYING = 2.0
@@ -80,8 +79,8 @@ def toe_runout(
     """Distance of the toe from the foot of the section, outward positive.
 
     Soil that has come off and lies on the ground counts: the toe is no nearer than the place beyond
-    which `OFF` of all soil lies. Otherwise soil too weak to hang together would seem to run less
-    far than stronger soil.
+    which it holds `OFF` of all soil. Otherwise soil too weak to hang together would seem to run
+    less far than stronger soil.
 
     Args:
         position: (N, 2) [m].
@@ -119,10 +118,11 @@ def _last_of_most(
     spacing: float,
     outward: int,
 ) -> int | None:
-    """Number of the point on the ground beyond which `OFF` of all soil lies there; None: none."""
+    """Number of the point beyond which soil that came off and lies holds `OFF`; None: none."""
     amounts = np.broadcast_to(np.asarray(volume, dtype=float), len(points))
     x, y = np.asarray(points, dtype=float).T
-    lying = np.flatnonzero(y < ground_elevation(ground, x) + LYING * spacing)
+    off = ~connected(points, volume, spacing)
+    lying = np.flatnonzero(off & (y < ground_elevation(ground, x) + LYING * spacing))
     order = lying[np.argsort(-outward * x[lying], kind="stable")]
     beyond = np.cumsum(amounts[order])
     first = int(np.searchsorted(beyond, OFF * amounts.sum()))
