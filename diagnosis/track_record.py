@@ -54,6 +54,12 @@ def track_record() -> TrackRecord:
     return TrackRecord.model_validate(read_yaml(FILE))
 
 
+def factor_of(verdict: Verdicts | None) -> float:
+    """Factor within which nine of ten strengths lay; that of all verdicts where this tells none."""
+    known = None if verdict is None else worth_of(verdict)
+    return mean_worth() if known is None else 1.0 + known.most_off
+
+
 def worth_of(verdict: Verdicts) -> Worth | None:
     """What a verdict has been worth; None: it was never given."""
     return next((one for one in track_record().groups if verdict in one.verdicts), None)

@@ -590,14 +590,13 @@ def _worth(folder: Path | None) -> tuple[float, str]:
         the factor, and the verdict; empty: there is no diagnosis, and the factor is the mean of
         all verdicts.
     """
-    from diagnosis.track_record import mean_worth, worth_of
+    from diagnosis.track_record import factor_of
     from diagnosis.verdict.verdict import FILE_NAME, load_verdict
 
     if folder is None or not (folder / FILE_NAME).is_file():
-        return mean_worth(), ""
+        return factor_of(None), ""
     verdict = load_verdict(folder).verdict
-    known = worth_of(verdict)
-    return (mean_worth() if known is None else 1.0 + known.most_off), verdict
+    return factor_of(verdict), verdict
 
 
 def predict(

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.generated_pages import ROOT, renew, table
 from diagnosis.selection.decide import Verdicts
-from diagnosis.track_record import mean_worth, worth_of
+from diagnosis.track_record import factor_of
 from geometry.case import load_case
 from inversion.joint.build import document_of, slide_of
 from inversion.joint.document import JointDocument
@@ -48,10 +48,8 @@ def collect(results: Path) -> list[dict[str, Any]]:
     slides = []
     for name in (*VERDICTS, *FROM_NUMBERS):
         verdict = VERDICTS.get(name)
-        worth = None if verdict is None else worth_of(verdict)
-        factor = mean_worth() if worth is None else 1.0 + worth.most_off
         found = slide_of(load_case(CASES / name), results / name)
-        found = replace(found, source=f"results/{name}").widened(factor, verdict or "")
+        found = replace(found, source=f"results/{name}").widened(factor_of(verdict), verdict or "")
         kept = {"centres": found.centres.round(DIGITS), "weights": found.weights.round(2 * DIGITS)}
         slides.append(asdict(found) | {key: value.tolist() for key, value in kept.items()})
     return slides

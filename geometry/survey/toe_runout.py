@@ -101,8 +101,8 @@ def toe_runout(
     points, amounts = _part(position, volume, front)
     place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
     if ground is not None:
-        last = _last_of_most(points, amounts, ground, spacing, outward)
-        if last is not None and outward * (points[last, 0] - place) > 0.0:
+        last = _last_of_most(points, amounts, ground, spacing, outward, place)
+        if last is not None:
             place, slope = float(points[last, 0]), np.zeros(np.shape(points))
             slope[last, 0] = 1.0
     if not derivative:
@@ -118,15 +118,23 @@ def _last_of_most(
     ground: np.ndarray | float,
     spacing: float,
     outward: int,
+    place: float,
 ) -> int | None:
-    """Number of the point beyond which soil that came off and lies holds `OFF`; None: none."""
+    """Number of the point beyond which soil that came off and lies holds `OFF`.
+
+    None: no point beyond `place` has that much of it farther out.
+    """
     amounts = np.broadcast_to(np.asarray(volume, dtype=float), len(points))
     x, y = np.asarray(points, dtype=float).T
-    off = ~connected(points, volume, spacing)
+    beyond_place = outward * (x - place) > 0.0
+    least = OFF * amounts.sum()
+    if amounts[beyond_place].sum() < least:  # nearly always: what hangs together is not looked for
+        return None
+    off = beyond_place & ~connected(points, volume, spacing)
     lying = np.flatnonzero(off & (y < ground_elevation(ground, x) + LYING * spacing))
     order = lying[np.argsort(-outward * x[lying], kind="stable")]
     beyond = np.cumsum(amounts[order])
-    first = int(np.searchsorted(beyond, OFF * amounts.sum()))
+    first = int(np.searchsorted(beyond, least))
     return int(order[first]) if first < len(order) else None
 
 
