@@ -10,16 +10,16 @@ from pydantic import Field
 
 from geometry.scenes.scene import Scene
 from geometry.sides import Side, outward_of
-from geometry.survey.columns import connected, naked_eye_toe, toe
+from geometry.survey.columns import naked_eye_toe, toe
 from geometry.survey.marks import Distance, Mark
 from geometry.survey.measured import Deposit, SingleLength
 from geometry.survey.site import NOT_MADE, Site, check_in_domain
 from geometry.survey.surface_profile import ground_elevation
 from pipeline.cli import InputError
 
-#: Share of all soil. What came off and holds more has run on, and is where the slide ends; less is
-#: a matter of a few points, and differs from run to run.
-OFF = 0.05
+#: Share of all soil. A sheet thinner than the points that holds more is where the slide ends; less
+#: is a matter of a few points, and differs from run to run.
+SHEET = 0.05
 #: Soil within this many spacings of the ground lies on it, and does not fly.
 LYING = 2.0
 
@@ -79,9 +79,8 @@ def toe_runout(
 ) -> float | tuple[float, np.ndarray]:
     """Distance of the toe from the foot of the section, outward positive.
 
-    Soil that has come off and lies on the ground counts: the toe is no nearer than the place beyond
-    which it holds `OFF` of all soil. Otherwise soil too weak to hang together would seem to run
-    less far than stronger soil.
+    The toe is no nearer than the place beyond which `SHEET` of all soil lies on the ground:
+    otherwise soil too weak to hang together would seem to run less far than stronger soil.
 
     Args:
         position: (N, 2) [m].
@@ -90,8 +89,8 @@ def toe_runout(
         side: left or right of the dam.
         initial_toe: x of the foot before the slide [m], `Scene.foot`.
         front: (N,) bool, points whose front is the toe, `Deposit.front`; None: all.
-        ground: elevation of a level base, or its polyline (P, 2) [m]; None: soil that has come off
-            does not count.
+        ground: elevation of a level base, or its polyline (P, 2) [m]; None: a sheet does not
+            count.
         derivative: return also the derivative.
 
     Returns:
@@ -101,7 +100,7 @@ def toe_runout(
     points, amounts = _part(position, volume, front)
     place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
     if ground is not None:
-        last = _last_of_most(points, amounts, ground, spacing, outward, place)
+        last = _edge_of_sheet(points, amounts, ground, spacing, outward, place)
         if last is not None:
             place, slope = float(points[last, 0]), np.zeros(np.shape(points))
             slope[last, 0] = 1.0
@@ -112,7 +111,7 @@ def toe_runout(
     return outward * (place - initial_toe), change
 
 
-def _last_of_most(
+def _edge_of_sheet(
     points: np.ndarray,
     volume: np.ndarray | float,
     ground: np.ndarray | float,
@@ -120,21 +119,13 @@ def _last_of_most(
     outward: int,
     place: float,
 ) -> int | None:
-    """Number of the point beyond which soil that came off and lies holds `OFF`.
-
-    None: no point beyond `place` has that much of it farther out.
-    """
+    """Number of the point beyond which `SHEET` of all soil lies; None: it is not beyond `place`."""
     amounts = np.broadcast_to(np.asarray(volume, dtype=float), len(points))
     x, y = np.asarray(points, dtype=float).T
-    beyond_place = outward * (x - place) > 0.0
-    least = OFF * amounts.sum()
-    if amounts[beyond_place].sum() < least:  # nearly always: what hangs together is not looked for
-        return None
-    off = beyond_place & ~connected(points, volume, spacing)
-    lying = np.flatnonzero(off & (y < ground_elevation(ground, x) + LYING * spacing))
+    beyond = outward * (x - place) > 0.0
+    lying = np.flatnonzero(beyond & (y < ground_elevation(ground, x) + LYING * spacing))
     order = lying[np.argsort(-outward * x[lying], kind="stable")]
-    beyond = np.cumsum(amounts[order])
-    first = int(np.searchsorted(beyond, least))
+    first = int(np.searchsorted(np.cumsum(amounts[order]), SHEET * amounts.sum()))
     return int(order[first]) if first < len(order) else None
 
 
