@@ -33,24 +33,30 @@ FRICTION_DEG = 33.0
 FOOT, CREST = 88.3, 47.0
 """x of the upstream foot and height of the crest [m]."""
 PERMEABILITIES = (1e-15, 1e-6, 1e-5, 1e-4)
+DILATANCIES = (0.0, 0.2)
+"""Of the soil that does not liquefy: none, and that of dense sand."""
+HEADS = ["k (m/s)", "dilatancy", "toe (m)", "crest sinks (m)", "starts (s)", "moves (s)",
+         "ends (s)", "water out (m3/m)"]  # fmt: skip
 TIMES = (0.0, 6.0, 15.0, 60.0)
 """Times that are drawn [s]."""
 SHOWN = (20.0, 230.0, 0.0, 50.0)
 
 
-def section(spacing: float, permeability: float | None) -> Scene:
+def section(spacing: float, permeability: float | None, dilatancy: float = 0.0) -> Scene:
     """The published section, with a permeability [m/s] of its fill; None: no water flows."""
     scene = load_scene(FILE)
     soils = scene.model_dump()["materials"]
     soils["liquefied_fill"]["cohesion_kpa"] = STRENGTH_KPA
+    effects = {}
     if permeability is not None:
+        effects = {"pore_water": {"amplitude": 1.0, "dilatancy": dilatancy}}
         drained = {"friction_deg": FRICTION_DEG, "cohesion_kpa": 60.0}
         soils["liquefied_fill"]["pre_failure"] = drained
         for name in SAND:
             soils[name]["permeability_m_per_s"] = permeability
         for name in DRAINS:
             soils[name]["permeability_m_per_s"] = DRAIN_M_PER_S
-    return scene.changed(spacing=spacing, materials=soils)
+    return scene.changed(spacing=spacing, materials=soils, effects=effects)
 
 
 def main() -> None:
@@ -63,11 +69,12 @@ def main() -> None:
     parser.add_argument("--threads", type=int, help="default: all")
     parser.add_argument("--out", type=Path, default=PICTURE)
     arguments = parser.parse_args()
-    scenes = [section(arguments.spacing, k) for k in (None, *PERMEABILITIES)]
+    flows = [(k, dilatancy) for dilatancy in DILATANCIES for k in PERMEABILITIES]
+    scenes = [section(arguments.spacing, *flow) for flow in ((None,), *flows)]
     runs = simulate(scenes, SimulationSettings(), threads=arguments.threads)
-    rows = [["k (m/s)", "toe (m)", "crest sinks (m)", "moves (s)", "ends (s)", "water out (m3/m)"]]
-    for words, run in zip(("no flow", *(f"{k:g}" for k in PERMEABILITIES)), runs, strict=True):
-        rows.append([words, *figures(run)])
+    rows = [HEADS]
+    for words, run in zip((("no flow", ""), *flows), runs, strict=True):
+        rows.append([*(str(word) for word in words), *figures(run)])
     print(aligned(rows, left={0}))
     drawn = section(arguments.spacing, arguments.permeability)
     wanted = [
@@ -79,14 +86,20 @@ def main() -> None:
 
 
 def figures(run: Run) -> list[str]:
-    """Toe, crest, when the motion (0.1 % of its greatest energy) and the run end, water out."""
+    """Toe, crest, when a tenth of the runout is there, when the motion and the run end, water out.
+
+    Motion has ended with 0.1 % of its greatest kinetic energy.
+    """
     end = run.positions[-1]
+    ran = np.maximum.accumulate(FOOT - run.positions[:, :, 0].min(axis=1))
+    starts = np.interp(0.1 * ran[-1], ran, run.time)
     kinetic = run.energy["kinetic"]
     moving = run.time[np.flatnonzero(kinetic > 1e-3 * kinetic.max())[-1]]
     toe = FOOT - end[:, 0].min()
     crest = CREST - end[:, 1].max() - 0.5 * run.scene.spacing
     water = run.audit.get("water_expelled_m2", 0.0)
-    return [f"{toe:.1f}", f"{crest:.1f}", f"{moving:.1f}", f"{run.time[-1]:.1f}", f"{water:.2f}"]
+    found = (toe, crest, starts, moving, run.time[-1])
+    return [*(f"{number:.1f}" for number in found), f"{water:.2f}"]
 
 
 def draw(runs: list[Run], scene: Scene, out: Path) -> None:

@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 
 #: Columns of `here.renewed`, which `solver.pore_water.PoreWater` writes.
 DRAINED, HELD, FALL, SINE = range(4)
+#: Water in soil holds no larger suction [Pa]: `solver.pore_water.CAVITATION`.
+SUCTION = 1e5
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
     """max(S_r, p' sin(phi')) of loose soil, p' sin(phi) + c cos(phi) of other soil.
 
     p' = a s + b - f g: of a change of the mean stress s over the chunk the share a is drained, the
-    rest is borne by the water, and plastic shear g makes it fall.
+    rest is borne by the water, and plastic shear g makes it fall, or rise where soil dilates.
     """
     sine = here.renewed[SINE]
     if sine >= 0.0:
@@ -30,6 +32,7 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
         held = here.renewed[HELD] - here.renewed[FALL] * here.strain
         share = here.renewed[DRAINED]
         mean = ti.max(here.plane_pressure, 0.0)
+        held = ti.min(held, (1.0 - share) * mean + SUCTION)
         effective = ti.max(share * mean + held, 0.0)
         if held < 0.0:
             share = effective / ti.max(mean, 1.0)
@@ -50,16 +53,10 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
 
 def between(scene: Scene, settled: SettledPoints, amplitude: float, parameters: Numbers) -> Between:
     """The pore water of a run."""
-    from mpm_taichi.solver.pore_water import pore_water
+    from mpm_taichi.solver.pore_water import Volumes, pore_water
 
-    return pore_water(
-        scene,
-        settled,
-        amplitude,
-        ratio=parameters["initial_ratio"],
-        contraction=parameters["contraction"],
-        contractancy=parameters["contractancy"],
-    )
+    volumes = Volumes(**{one.name: parameters[one.name] for one in VOLUMES})
+    return pore_water(scene, settled, amplitude, parameters["initial_ratio"], volumes)
 
 
 def applies(scene: Scene) -> str:
@@ -73,10 +70,45 @@ def applies(scene: Scene) -> str:
     return "no soil with a permeability_m_per_s lies below the phreatic line"
 
 
+VOLUMES = (
+    Parameter(
+        "contraction",
+        "",
+        0.02,
+        0.0,
+        0.2,
+        "volumetric strain that liquefied soil loses until it has reconsolidated",
+    ),
+    Parameter(
+        "contractancy",
+        "",
+        0.1,
+        0.0,
+        1.0,
+        "b, volume that loose soil would lose per plastic shear strain, of the same total",
+    ),
+    Parameter(
+        "dilation",
+        "",
+        0.02,
+        0.0,
+        0.2,
+        "volumetric strain that soil which does not liquefy gains up to its critical state",
+    ),
+    Parameter(
+        "dilatancy",
+        "",
+        0.0,
+        0.0,
+        1.0,
+        "d, volume that such soil would gain per plastic shear strain, of the same total; 0: none",
+    ),
+)
+
 EFFECT = Effect(
     name="pore_water",
     words="excess pore water flows through the soil, which liquefies and regains strength with it",
-    equation="S du/dt = div(k / gamma_w grad u) + S ds/dt + b dg/dt, S = 1/M + n/K_w; "
+    equation="S du/dt = div(k / gamma_w grad u) + S ds/dt + (b or -d) dg/dt, S = 1/M + n/K_w; "
     "t = max(S_r, (s - u) sin(phi'))",
     source=(
         "Terzaghi (1943) and Rendulic (1936) for the flow; grains that settle out of liquefied "
@@ -105,22 +137,7 @@ EFFECT = Effect(
             1.0,
             "r_u at t = 0 of saturated soil that liquefies, u over its mean stress in the plane",
         ),
-        Parameter(
-            "contraction",
-            "",
-            0.02,
-            0.0,
-            0.2,
-            "volumetric strain that liquefied soil loses until it has reconsolidated",
-        ),
-        Parameter(
-            "contractancy",
-            "",
-            0.1,
-            0.0,
-            1.0,
-            "b, volume that loose soil would lose per plastic shear strain, of the same total",
-        ),
+        *VOLUMES,
     ),
     strength=strength,
     between=between,

@@ -5,7 +5,8 @@ carry is that of soil and excess water together, so that s - u is the effective 
 plane. Over a chunk of time the water of a saturated point does three things:
 
 1. undrained: u takes a change of s (B = 1), and what the soil would contract by in shear or, where
-   it is liquefied, under its own weight: S du = S ds + d(contraction);
+   it is liquefied, under its own weight: S du = S ds + d(contraction). Soil that does not liquefy
+   dilates in shear instead, until its water cavitates or it has reached its critical state;
 2. Darcy: S du/dt = div(k / gamma_w grad u), an implicit step (backward Euler) on square cells; u is
    0 at free faces, in dry soil and in the pool, and nothing flows through the base, far boundaries,
    fixed bodies and soil without a permeability;
@@ -67,7 +68,8 @@ class PorousSoil:
         permeability: (P,) k [m/s]; 0: no water flows through it.
         wet: (P,) bool, saturated.
         contraction: (P,) volumetric strain that a soil loses as it reconsolidates from liquefaction
-            [-]; 0 where it does not liquefy.
+            [-]; of soil that does not liquefy that up to its critical state, negative: it dilates.
+        per_shear: (P,) the same of plastic shear strain, as long as any of it is left.
         loose: (P,) bool, it liquefies.
         sine: (P,) sin(phi') of soil that liquefies, sin(phi) of the others.
         least: (P,) strength without effective stress [Pa]: S_r, or c cos(phi).
@@ -78,6 +80,7 @@ class PorousSoil:
     permeability: np.ndarray
     wet: np.ndarray
     contraction: np.ndarray
+    per_shear: np.ndarray
     loose: np.ndarray
     sine: np.ndarray
     least: np.ndarray
@@ -99,10 +102,20 @@ def constrained_modulus(soil: Material) -> float:
     return soil.youngs_modulus_pa * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
 
+@dataclass(frozen=True)
+class Volumes:
+    """What soil loses or gains of its volume; the numbers are those of `effects.pore_water`."""
+
+    contraction: float
+    contractancy: float
+    dilation: float
+    dilatancy: float
+
+
 def porous_soil(
-    scene: Scene, settled: SettledPoints, factor: float, contraction: float
+    scene: Scene, settled: SettledPoints, factor: float, volumes: Volumes
 ) -> PorousSoil:
-    """The soil of a scene: permeabilities times a factor, contraction [-] of what liquefies."""
+    """The soil of a scene: permeabilities times a factor, and how its volume changes."""
     soils = settled.soils
     own = np.array([factor * (soil.permeability_m_per_s or 0.0) for soil in soils])
     storage = np.array(
@@ -118,7 +131,8 @@ def porous_soil(
         storage=storage[row],
         permeability=own[row],
         wet=y < scene.phreatic_level(x),
-        contraction=np.where(loose, contraction, 0.0)[row],
+        contraction=np.where(loose, volumes.contraction, -volumes.dilation)[row],
+        per_shear=np.where(loose, volumes.contractancy, -volumes.dilatancy)[row],
         loose=loose[row],
         sine=np.sin(friction)[row],
         least=least[row],
@@ -328,9 +342,10 @@ class PoreWater:
 
     Attributes:
         excess: (P,) u [Pa]; 0 where no water flows.
-        owed: (P,) volumetric strain by which liquefied soil will yet contract [-].
+        owed: (P,) volumetric strain by which soil will yet contract, or dilate: negative [-].
         expelled: water that has left through drained faces [m2].
-        contracted: water that soil has set free as it contracted [m2].
+        contracted: water that soil has set free as it contracted, less what it took as it dilated
+            [m2].
         cavitated: the same where the pressure fell to `CAVITATION` [m2].
     """
 
@@ -341,7 +356,6 @@ class PoreWater:
         lay: Callable[[np.ndarray], Cells],
         *,
         ratio: float,
-        contractancy: float,
     ) -> None:
         """Pore water of soil that has settled.
 
@@ -350,16 +364,15 @@ class PoreWater:
             stress: (P, 4) after settling [Pa], tension positive.
             lay: `lay_cells` for positions (P, 2).
             ratio: r_u at t = 0 of wet soil that liquefies: excess pressure over mean stress.
-            contractancy: volume that loose soil would lose per plastic shear strain [-].
         """
-        self.soil, self.lay, self.contractancy = soil, lay, contractancy
+        self.soil, self.lay = soil, lay
         self.mean, self.radius = _mean(stress), _radius(stress)
         self.start = self.mean
         flows = soil.takes_part
         loose = flows & (soil.contraction > 0.0)
         self.excess = np.where(loose, ratio * self.mean, 0.0)
-        spent = soil.storage * self.excess
-        self.owed = np.where(loose, np.maximum(soil.contraction - spent, 0.0), 0.0)
+        left = np.maximum(soil.contraction - soil.storage * self.excess, 0.0)
+        self.owed = np.where(flows, np.where(loose, left, soil.contraction), 0.0)
         self.shear = np.zeros(len(stress))
         self.fluid = loose & (self.effective <= FLUID * self.start)
         self.expelled = self.contracted = self.cavitated = 0.0
@@ -433,9 +446,9 @@ class PoreWater:
     def _undrained(self, mean: np.ndarray, shear: np.ndarray) -> None:
         """Excess pressure takes the change of mean stress, and what soil would contract by."""
         flows, soil = self.soil.takes_part, self.soil
-        contracts = self.contractancy * np.maximum(shear - self.shear, 0.0)
-        contracts = np.minimum(np.minimum(contracts, self.owed), soil.storage * self.effective)
-        self._contract(np.where(flows, contracts, 0.0))
+        contracts = soil.per_shear * np.maximum(shear - self.shear, 0.0)
+        most = np.minimum(np.maximum(self.owed, 0.0), soil.storage * self.effective)
+        self._contract(np.where(flows, np.clip(contracts, np.minimum(self.owed, 0.0), most), 0.0))
         excess = np.where(flows, self.excess + (mean - self.mean), 0.0)
         self.excess = np.where(flows, np.maximum(excess, CAVITATION), 0.0)
         self.cavitated += float(((self.excess - excess) * soil.storage * soil.volume).sum())
@@ -488,7 +501,7 @@ class PoreWater:
         held = effective - drained * self.mean
         short = held < 0.0
         drained = np.where(short, effective / np.maximum(self.mean, 1.0), drained)
-        fall = np.where(self.owed > 0.0, self.contractancy / soil.storage * undrained, 0.0)
+        fall = np.where(self.owed != 0.0, soil.per_shear / soil.storage * undrained, 0.0)
         rows = np.zeros((len(flows), 4), np.float32)
         rows[:, 0], rows[:, 2] = drained, fall
         rows[:, 1] = np.where(short, 0.0, held) + fall * self.shear
@@ -512,11 +525,10 @@ def _cells_at(x: np.ndarray, y: np.ndarray, origin: tuple[float, float], cell: f
 
 
 def pore_water(
-    scene: Scene, settled: SettledPoints, factor: float, *, ratio: float, contraction: float,
-    contractancy: float,
-) -> PoreWater:  # fmt: skip
+    scene: Scene, settled: SettledPoints, factor: float, ratio: float, volumes: Volumes
+) -> PoreWater:
     """The pore water of a scene; the numbers are those of `effects.pore_water`."""
-    soil = porous_soil(scene, settled, factor, contraction)
+    soil = porous_soil(scene, settled, factor, volumes)
     origin, cell = settled.origin, settled.cell
     bodies = _cells_at(*settled.fixed.T, origin, cell)
 
@@ -537,4 +549,4 @@ def pore_water(
             closed=closed,
         )
 
-    return PoreWater(soil, settled.stress, lay, ratio=ratio, contractancy=contractancy)
+    return PoreWater(soil, settled.stress, lay, ratio=ratio)

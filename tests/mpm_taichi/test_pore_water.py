@@ -6,6 +6,7 @@ from scipy.linalg import expm
 
 from mpm_taichi.effects.framework.between import PointsNow
 from mpm_taichi.solver.pore_water import (
+    CAVITATION,
     WATER_DENSITY,
     PoreWater,
     PorousSoil,
@@ -33,6 +34,7 @@ class Block:
             permeability=k(x, y) if callable(k) else k * full,
             wet=full > 0.0,
             contraction=loose * full if np.isscalar(loose) else loose(x, y),
+            per_shear=0.1 * np.sign(loose(x, y) if callable(loose) else loose * full),
             loose=loose(x, y) > 0.0 if callable(loose) else loose * full > 0.0,
             sine=0.5 * full,
             least=0.0 * full,
@@ -46,7 +48,7 @@ class Block:
                 closed=shut or (lambda x, y: (y < 0.0) | (x < 0.0) | (x > width)),
             )  # fmt: skip
 
-        self.water = PoreWater(self.soil, self.stress, lay, ratio=ratio, contractancy=0.1)
+        self.water = PoreWater(self.soil, self.stress, lay, ratio=ratio)
 
     def pass_time(self, seconds, steps, *, excess=None):
         """Steps of equal length under constant stress."""
@@ -189,3 +191,17 @@ def test_shear_of_loose_soil_raises_the_pressure_until_it_has_liquefied():
         rows = water.renew(now)
         assert water.excess == pytest.approx(ratio * 100e3, rel=1e-6)
         assert rows[:, 1] - rows[:, 2] * shear == pytest.approx((1 - ratio) * 100e3, abs=20.0)
+
+
+def test_shear_of_dense_soil_lowers_the_pressure_until_it_is_critical_or_its_water_cavitates():
+    gain = 0.1 * 0.01 / STORAGE  # 40 kPa a percent of shear
+    for total, lowest in ((0.002, -0.002 / STORAGE), (0.02, CAVITATION)):
+        block = Block(2.0, 2.0, 1.0, 1e-12, loose=-total)
+        for shear, excess in ((0.01, -gain), (0.02, -2.0 * gain), (0.5, lowest)):
+            now = PointsNow(block.position, block.stress, np.full(16, shear), 0.1, 0.1)
+            rows = block.water.renew(now)
+            assert block.water.excess == pytest.approx(excess, rel=1e-6)
+            assert rows[:, 1] - rows[:, 2] * shear == pytest.approx(100e3 - excess, abs=20.0)
+        flows = PointsNow(block.position, block.stress, np.full(16, 0.5), 1e13, 1e13)
+        block.water.renew(flows)
+        assert block.water.excess == pytest.approx(0.0, abs=100.0)  # the water comes in

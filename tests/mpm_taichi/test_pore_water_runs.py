@@ -102,21 +102,38 @@ def sealed(k):
     )  # fmt: skip
 
 
+def failure(run):
+    """When the clay has moved by 0.1 m [s]."""
+    clay = run.zone == 2
+    moved = np.linalg.norm(run.positions[:, clay] - run.positions[0, clay], axis=2).mean(axis=1)
+    assert moved[-1] > 0.5
+    return np.interp(0.1, moved, run.time)
+
+
 @pytest.mark.slow
 def test_a_slope_under_a_seal_fails_late_the_later_the_slower_water_flows():
     late = []
     for k in (9e-5, 3e-5):
         (run,) = simulate([sealed(k)], SimulationSettings(duration_s=4e-4 / k), threads=1)
-        clay = run.zone == 2
-        way = run.positions[:, clay] - run.positions[0, clay]
-        moved = np.linalg.norm(way, axis=2).mean(axis=1)
-        assert moved[-1] > 0.5
-        late.append(np.interp(0.1, moved, run.time))
+        late.append(failure(run))
     # With H^2 / c_v, but for the second that soil without strength takes to move so far.
     assert (late[1] - 1.0) / (late[0] - 1.0) == pytest.approx(3.0, rel=0.15)
     (shut,) = simulate([sealed(1e-9)], SimulationSettings(duration_s=40.0))
     assert shut.time[-1] < 10.0  # at rest, and water has nothing to do
     assert np.abs(shut.positions[-1] - shut.positions[0]).max() < 0.1
+
+
+@pytest.mark.slow
+def test_dense_soil_under_a_seal_holds_until_water_has_filled_what_it_dilates_by():
+    late = []
+    for dilatancy, dilation in ((0.0, 0.02), (0.05, 0.001), (0.05, 0.002), (0.05, 0.02)):
+        numbers = {"amplitude": 1.0, "dilatancy": dilatancy, "dilation": dilation}
+        dense = sealed(9e-5).changed(effects={"pore_water": numbers})
+        (run,) = simulate([dense], SimulationSettings(duration_s=30.0), threads=1)
+        late.append(failure(run) if dilation < 0.02 or not dilatancy else np.inf)
+    assert np.all(np.diff(late) > 5.0)  # at 2.3, 10.6 and 18.1 s, and not at all
+    clay = run.zone == 2
+    assert np.abs(run.positions[-1, clay] - run.positions[0, clay]).max() < 0.2
 
 
 def test_no_permeability_leaves_no_trace():
