@@ -17,9 +17,11 @@ from geometry.survey.site import NOT_MADE, Site, check_in_domain
 from geometry.survey.surface_profile import ground_elevation
 from pipeline.cli import InputError
 
-#: Share of all soil. A sheet thinner than the points that holds more is where the slide ends; less
-#: is a matter of a few points, and differs from run to run.
-SHEET = 0.05
+#: Share of the soil that has passed the foot. A sheet thinner than the points that holds more is
+#: where the slide ends.
+SHEET = 0.1
+#: Fewer points than these are no sheet: what they do differs from run to run.
+FEW = 8
 #: Soil within this many spacings of the ground lies on it, and does not fly.
 LYING = 2.0
 
@@ -79,8 +81,9 @@ def toe_runout(
 ) -> float | tuple[float, np.ndarray]:
     """Distance of the toe from the foot of the section, outward positive.
 
-    The toe is no nearer than the place beyond which `SHEET` of all soil lies on the ground:
-    otherwise soil too weak to hang together would seem to run less far than stronger soil.
+    The toe is no nearer than the place beyond which a sheet of `SHEET` of the soil in front of the
+    foot lies: otherwise soil too weak to hang together would seem to run less far than stronger
+    soil.
 
     Args:
         position: (N, 2) [m].
@@ -100,7 +103,7 @@ def toe_runout(
     points, amounts = _part(position, volume, front)
     place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
     if ground is not None:
-        last = _edge_of_sheet(points, amounts, ground, spacing, outward, place)
+        last = _edge_of_sheet(points, amounts, ground, spacing, outward, place, initial_toe)
         if last is not None:
             place, slope = float(points[last, 0]), np.zeros(np.shape(points))
             slope[last, 0] = 1.0
@@ -118,14 +121,16 @@ def _edge_of_sheet(
     spacing: float,
     outward: int,
     place: float,
+    foot: float,
 ) -> int | None:
-    """Number of the point beyond which `SHEET` of all soil lies; None: it is not beyond `place`."""
+    """Number of the point beyond which a sheet lies; None: it is not beyond `place`."""
     amounts = np.broadcast_to(np.asarray(volume, dtype=float), len(points))
     x, y = np.asarray(points, dtype=float).T
     beyond = outward * (x - place) > 0.0
     lying = np.flatnonzero(beyond & (y < ground_elevation(ground, x) + LYING * spacing))
     order = lying[np.argsort(-outward * x[lying], kind="stable")]
-    first = int(np.searchsorted(np.cumsum(amounts[order]), SHEET * amounts.sum()))
+    passed = amounts[outward * (x - foot) > 0.0].sum()
+    first = int(np.searchsorted(np.cumsum(amounts[order]), max(SHEET * passed, FEW * spacing**2)))
     return int(order[first]) if first < len(order) else None
 
 
