@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,11 @@ from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence
 from inversion.posterior.document import Spread
 from pipeline.config import load_config
 from pipeline.files import read_json, write_json
+from report.charts.joint import draw_slides
 
 RECORD = Path(__file__).with_suffix(".json")
 PAGE = ROOT / "docs" / "method" / "joint.md"
+PICTURE = ROOT / "docs" / "images" / "joint.png"
 CASES = ROOT / "case_histories"
 VERDICTS: dict[str, Verdicts] = {
     "lower_san_fernando": "unknown_effect",
@@ -106,9 +108,9 @@ def _three(spread: Spread) -> tuple[float, float, float]:
     return (spread.median, *spread.interval_95)
 
 
-def relation_table(slides: Sequence[SlideEvidence]) -> str:
+def relation_table(documents: Mapping[str, JointDocument]) -> str:
     """As Markdown."""
-    found = {words: words_of(document) for words, document in readings(slides).items()}
+    found = {words: words_of(document) for words, document in documents.items()}
     rows = [
         [name, *(cells[place][1] for cells in found.values())]
         for place, (name, _) in enumerate(next(iter(found.values())))
@@ -117,13 +119,15 @@ def relation_table(slides: Sequence[SlideEvidence]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Renew the page."""
+    """Renew the page and its picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--results", type=Path, help="folder of results that are read anew")
     chosen = parser.parse_args(argv)
     if chosen.results is not None:
         write_json(RECORD, collect(chosen.results))
-    renew(PAGE, relation=relation_table(slides_of(read_json(RECORD))))
+    found = readings(slides_of(read_json(RECORD)))
+    renew(PAGE, relation=relation_table(found))
+    draw_slides(found["all six"], PICTURE)
 
 
 if __name__ == "__main__":

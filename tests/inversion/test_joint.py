@@ -250,7 +250,9 @@ def test_the_page_has_what_the_slides_at_hand_say():
     """To the noise of the sampler, which is another on each processor."""
     before, after = around(joint_slides.PAGE, "relation")
     page = joint_slides.PAGE.read_text(encoding="utf-8")[len(before) : -len(after)].strip()
-    found = joint_slides.relation_table(joint_slides.slides_of(read_json(joint_slides.RECORD)))
+    found = joint_slides.relation_table(
+        joint_slides.readings(joint_slides.slides_of(read_json(joint_slides.RECORD)))
+    )
     words, figures = zip(*(_without_figures(text) for text in (page, found)), strict=True)
     assert words[0] == words[1]
     assert figures[1] == pytest.approx(figures[0], rel=0.1, abs=0.006)
