@@ -126,7 +126,7 @@ def test_the_fainter_of_two_is_seen_less_next_to_the_other_than_both_are(sight):
 
 def test_what_an_effect_does_where_the_parameters_have_given_way_to_it_counts(sight, monkeypatch):
     """Softening and strength by overburden: with another strength the one nearly does both."""
-    both = {"overburden_strength": 0.7, "strain_softening": 0.75}
+    both = {"overburden_strength": 0.6, "strain_softening": 0.75}
     found = sight.beside(both)
     monkeypatch.setattr(sight_file, "RETURNS", 0)
     assert found < sight.beside(both)
@@ -145,7 +145,7 @@ def test_a_pair_is_made_so_that_both_are_seen(sight):
     names = ("overburden_strength", "side_friction")
     planned = Planned("case_0006", "pair", names, "tailings_dam", "markers", 0)
     truth = (
-        Maker(sight.laboratory, 2, lambda section: sight.base).make(planned, sight.section).truth
+        Maker(sight.laboratory, 6, lambda section: sight.base).make(planned, sight.section).truth
     )
     assert set(truth["effects"]) == set(names)
     assert bin_of(truth["beside"]) == 0
