@@ -72,15 +72,14 @@ class Told:
     def ranked(self, standings: Sequence[Standing]) -> None:
         """How the hypotheses of a diagnosis stand, as `flowslide` reports it.
 
-        What was calibrated again is shown before what was merely promised, in the order of all.
+        What was calibrated again stands before what was merely promised, each in the order of all.
         """
         calibrated = [one for one in standings if one.refitted is not None]
         promised = [one for one in standings if one.refitted is None]
         chosen = [*calibrated, *promised][:MOST_RANKED]
         self.said["ranking"] = [
             {"words": one.words, "promised": one.promised, "refitted": one.refitted}
-            for one in standings
-            if one in chosen
+            for one in chosen
         ]
         self.said["looked_at"] = len(standings)
 

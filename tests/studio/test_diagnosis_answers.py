@@ -37,12 +37,12 @@ def test_the_ranking_is_in_the_state_of_the_job_from_the_first_on(tmp_path):
     state = read_json(tmp_path / "state.json")
     assert state["looked_at"] == 12 and len(state["ranking"]) == MOST_RANKED
     assert state["ranking"][0] == {"words": "0", "promised": 20.0, "refitted": 1.0}
-    # What was calibrated again is seen, whatever others promise.
+    # What was calibrated again stands first, whatever others promise.
     calibrated = Standing(("drag",), "drag", promised=0.5, refitted=0.2)
     told.ranked([*(replace(one, refitted=None) for one in many), calibrated])
     told.end({"state": "done"})
     words = [line["words"] for line in read_json(tmp_path / "state.json")["ranking"]]
-    assert words == [*map(str, range(MOST_RANKED - 1)), "drag"]
+    assert words == ["drag", *map(str, range(MOST_RANKED - 1))]
 
 
 def test_the_misfit_is_that_of_the_verdict_with_the_sign_of_the_page(found):

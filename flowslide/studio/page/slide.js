@@ -157,7 +157,9 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       row.append(off);
       return row;
     });
-    $("effects").replaceChildren(...rows, choice);
+    const ofCase = Object.entries(state.found.scene.effects ?? {}).filter(([name]) => !(name in state.effects)).map(([name, one]) => Object.assign(document.createElement("p"),
+      { className: "note", textContent: `${name.replaceAll("_", " ")}${typeof (one?.amplitude ?? one) === "number" ? ` ${one?.amplitude ?? one}` : ""}, in the case` }));
+    $("effects").replaceChildren(...ofCase, ...rows, choice);
     tellEffects();
   }
 

@@ -356,6 +356,7 @@ async function madeCase() {
     }
     await send("/api/cases", asked);
     $("make").close();
+    $("welcome").close("chosen");
     state.mode = "section";
     await reopenWith(name);
     if (kind === "new") { editor.use("zone"); $("canvas").focus(); } // keys go on from here: the dialog had the focus
@@ -475,8 +476,8 @@ function welcome() {
   dialog.querySelector("form").replaceChildren(
     el("h2", { textContent: "No case in this folder yet" }),
     el("p", { className: "note", textContent: state.workspace.folder }),
-    el("div", { className: "buttons" }, button("Draw a section", go(() => makeCase("new")), { className: "main" }),
-      button("Import a drawing", go(() => makeCase("import")))),
+    el("div", { className: "buttons" }, button("Draw a section", () => makeCase("new"), { className: "main" }),
+      button("Import a drawing", () => makeCase("import"))), // over this one: Escape leads back
     el("p", { textContent: "Or look at one that ships with flowslide:" }),
     el("div", { className: "buttons" }, ...state.workspace.cases.map(({ name }) => button(name.replaceAll("_", " "), go(() => { fillCases(name); open(name); }))),
       ...state.workspace.bodies.map(({ name }) => button(`${name.replaceAll("_", " ")} in 3-D`, go(() => { fillCases(PREFIX + name); open(PREFIX + name); })))));

@@ -399,6 +399,7 @@ export class View {
     const first = Math.max(bottom + 30 * this.up, lowest(this.scene));
     for (let y = Math.ceil(first / rise) * rise; y < bottom + height * this.up; y += rise) {
       const py = height - (y - bottom) / this.up;
+      if (py < 8) break; // half a number would be seen
       pen.beginPath(); pen.moveTo(0, py); pen.lineTo(5, py); pen.stroke();
       pen.fillText(`${round(y)}`, 8, py + 4);
     }
