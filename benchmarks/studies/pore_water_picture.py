@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,8 @@ DILATANCIES = (0.0, 0.2)
 """Of the soil that does not liquefy: none, and that of dense sand."""
 HEADS = ["k (m/s)", "dilatancy", "toe (m)", "crest sinks (m)", "starts (s)", "moves (s)",
          "ends (s)", "water out (m3/m)"]  # fmt: skip
+STARTED = 0.1
+"""Of the runout: the slide has begun."""
 TIMES = (0.0, 6.0, 15.0, 60.0)
 """Times that are drawn [s]."""
 SHOWN = (20.0, 230.0, 0.0, 50.0)
@@ -47,16 +50,27 @@ def section(spacing: float, permeability: float | None, dilatancy: float = 0.0) 
     scene = load_scene(FILE)
     soils = scene.model_dump()["materials"]
     soils["liquefied_fill"]["cohesion_kpa"] = STRENGTH_KPA
-    effects = {}
-    if permeability is not None:
-        effects = {"pore_water": {"amplitude": 1.0, "dilatancy": dilatancy}}
-        drained = {"friction_deg": FRICTION_DEG, "cohesion_kpa": 60.0}
-        soils["liquefied_fill"]["pre_failure"] = drained
-        for name in SAND:
-            soils[name]["permeability_m_per_s"] = permeability
-        for name in DRAINS:
-            soils[name]["permeability_m_per_s"] = DRAIN_M_PER_S
+    effects = {} if permeability is None else let_flow(soils, permeability, dilatancy)
     return scene.changed(spacing=spacing, materials=soils, effects=effects)
+
+
+def let_flow(
+    soils: dict[str, dict[str, Any]], permeability: float, dilatancy: float
+) -> dict[str, Any]:
+    """Give the soils of a San Fernando dam the numbers of their water; the effect that flows."""
+    drained = {"friction_deg": FRICTION_DEG, "cohesion_kpa": 60.0}
+    soils["liquefied_fill"]["pre_failure"] = drained
+    for name in SAND:
+        soils[name]["permeability_m_per_s"] = permeability
+    for name in (one for one in DRAINS if one in soils):
+        soils[name]["permeability_m_per_s"] = DRAIN_M_PER_S
+    return {"pore_water": {"amplitude": 1.0, "dilatancy": dilatancy}}
+
+
+def start_s(run: Run, foot: float) -> float:
+    """When a tenth of the runout to the left of a foot [m] is there."""
+    ran = np.maximum.accumulate(foot - run.positions[:, :, 0].min(axis=1))
+    return float(np.interp(STARTED * ran[-1], ran, run.time))
 
 
 def main() -> None:
@@ -91,14 +105,12 @@ def figures(run: Run) -> list[str]:
     Motion has ended with 0.1 % of its greatest kinetic energy.
     """
     end = run.positions[-1]
-    ran = np.maximum.accumulate(FOOT - run.positions[:, :, 0].min(axis=1))
-    starts = np.interp(0.1 * ran[-1], ran, run.time)
     kinetic = run.energy["kinetic"]
     moving = run.time[np.flatnonzero(kinetic > 1e-3 * kinetic.max())[-1]]
     toe = FOOT - end[:, 0].min()
     crest = CREST - end[:, 1].max() - 0.5 * run.scene.spacing
     water = run.audit.get("water_expelled_m2", 0.0)
-    found = (toe, crest, starts, moving, run.time[-1])
+    found = (toe, crest, start_s(run, FOOT), moving, run.time[-1])
     return [*(f"{number:.1f}" for number in found), f"{water:.2f}"]
 
 

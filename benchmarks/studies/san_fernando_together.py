@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.generated_pages import EFFECTS_PAGE, renew, table
-from benchmarks.studies.pore_water_picture import DRAIN_M_PER_S, DRAINS, FRICTION_DEG, SAND
+from benchmarks.studies.pore_water_picture import let_flow, start_s
 from geometry.case import load_case
 from geometry.scenes.scene import Scene
 from inversion.estimation.forward import deposit_of_run
@@ -34,8 +34,6 @@ CLOSER_KPA = (-1.0, 0.0, 1.0)
 """Around what the first strengths give."""
 PERMEABILITY, DILATANCY = 3e-4, 0.2
 """Of the fill [m/s]; of the soil that does not liquefy."""
-STARTED = 0.1
-"""Of the runout: the slide has begun."""
 
 
 HEADS = ["with", "S_r (kPa)", "S_r/σ'_v0", "crest (m)", "freeboard (m)", "takes (s)", "starts (s)",
@@ -78,17 +76,8 @@ def section(
     soils["liquefied_fill"]["cohesion_kpa"] = s_r
     if ratio is not None:
         soils["liquefied_fill"]["strength_ratio"] = ratio
-    effects: dict[str, object] = dict(physics.effects)
-    if physics.flows:
-        effects["pore_water"] = {"amplitude": 1.0, "dilatancy": DILATANCY}
-        soils["liquefied_fill"]["pre_failure"] = {
-            "friction_deg": FRICTION_DEG, "cohesion_kpa": 60.0,
-        }  # fmt: skip
-        for soil in SAND:
-            soils[soil]["permeability_m_per_s"] = PERMEABILITY
-        for soil in (one for one in DRAINS if one in soils):
-            soils[soil]["permeability_m_per_s"] = DRAIN_M_PER_S
-    return scene.changed(spacing=spacing, materials=soils, effects=effects)
+    flow = let_flow(soils, PERMEABILITY, DILATANCY) if physics.flows else {}
+    return scene.changed(spacing=spacing, materials=soils, effects={**physics.effects, **flow})
 
 
 def readings(name: str, run: Run) -> dict[str, float]:
@@ -101,8 +90,7 @@ def readings(name: str, run: Run) -> dict[str, float]:
         for entry in case.measured
         if len(entry.values) == 1
     }
-    ran = np.maximum.accumulate(feet["left"] - run.positions[:, :, 0].min(axis=1))
-    found["start"] = float(np.interp(STARTED * ran[-1], ran, run.time))
+    found["start"] = start_s(run, feet["left"])
     ratio = run.scene.materials["liquefied_fill"].cohesion_kpa / vertical_stress_kpa(run)
     return found | {"ratio": ratio}
 

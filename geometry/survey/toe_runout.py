@@ -101,7 +101,11 @@ def toe_runout(
     """
     outward = outward_of(side)
     points, amounts = _part(position, volume, front)
-    place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
+    slope = np.zeros(np.shape(points))
+    if derivative:
+        place, slope = toe(points, amounts, spacing=spacing, side=side, derivative=True)
+    else:
+        place = toe(points, amounts, spacing=spacing, side=side)
     if ground is not None:
         last = _edge_of_sheet(points, amounts, ground, spacing, outward, place, initial_toe)
         if last is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
-from mpm_taichi.effects.framework.free_water import soaked_area
+from mpm_taichi.effects.framework.free_water import SUCTION, soaked_area
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 #: Columns of `here.renewed`, which `solver.pore_water.PoreWater` writes.
 DRAINED, HELD, FALL, SINE = range(4)
-#: Water in soil holds no larger suction [Pa]: `solver.pore_water.CAVITATION`.
-SUCTION = 1e5
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201

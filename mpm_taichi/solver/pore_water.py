@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.sides import SIDES, outward_of
+from mpm_taichi.effects.framework.free_water import SUCTION
 from mpm_taichi.layout import XX, XY, YY
 from mpm_taichi.solver.water import WATER_DENSITY
 
@@ -39,7 +40,7 @@ WATER_BULK_MODULUS = 2.2e9
 """Of water [Pa]."""
 POROSITY = 0.4
 """n of the soils; the water in it is a hundredth of the storage or less."""
-CAVITATION = -1e5
+CAVITATION = -SUCTION
 """Excess pressure [Pa] below which water in soil cavitates; it holds no larger suction."""
 FLUID = 1e-3
 """Effective stress below this share of the mean stress at the start: the grains hang in water."""

@@ -9,6 +9,7 @@ import warnings
 import pytest
 
 from benchmarks.studio import CHROMIUM
+from pipeline.files import read_json
 
 WAIT_MS = 120_000
 WALK = int(os.environ.get("STUDIO_WALK", 0))
@@ -74,6 +75,13 @@ def stored(page, workspace, name: str = "small"):
     """
     page.wait_for_selector("body:not([data-saving])", state="attached", timeout=WAIT_MS)
     return workspace.read(name)
+
+
+def value_of_run(workspace) -> float:
+    """The first parameter that the only job has found, as the cells of the picture have it."""
+    (result,) = workspace.hidden("small", "jobs").glob("**/result.json")
+    found = read_json(result)["answer"]["parameters"][0]
+    return found.get("value_of_run") or found["value"]
 
 
 def picture(page, name: str) -> None:
