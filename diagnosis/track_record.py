@@ -1,23 +1,33 @@
-"""What verdicts have been worth: how far S_r was off on slides that other codes made.
+"""What verdicts have been worth on slides whose truth is known.
 
-In: a verdict. Out: `Worth` of those slides with the same one, from `track_record.yaml`, which
-`python -m benchmarks.studies.strength_by_verdict` writes from sealed benchmarks. It belongs next to
-every strength that is quoted: what a diagnosis does not know of is in no standard deviation.
+- How far S_r was off. In: a verdict. Out: `Worth` of the slides by other codes with the same one,
+  from `track_record.yaml`, which `python -m benchmarks.studies.strength_by_verdict` writes from
+  sealed benchmarks. It belongs next to every strength that is quoted: what a diagnosis does not
+  know of is in no standard deviation.
+- How often an explanation was right. In: `Figures` of a verdict. Out: a chance, by `names.yaml`,
+  which `python -m benchmarks.studies.deserved_names` writes. The probability of an explanation is
+  one among those that were tried; this chance counts the slides where none of them was true.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
-from diagnosis.selection.decide import Verdicts
 from pipeline.documents import StrictDocument
 from pipeline.files import read_yaml
 
+Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
+
 FILE = Path(__file__).parent / "track_record.yaml"
+NAMES = Path(__file__).parent / "names.yaml"
+#: Least 1 - c^2 and p that are told apart: beyond, signatures and misfits are as good as the same.
+LEAST = 1e-3
 
 
 class Worth(StrictDocument):
@@ -39,6 +49,50 @@ class TrackRecord(StrictDocument):
     """Of all verdicts."""
 
     groups: list[Worth]
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What is seen of an explanation without the truth.
+
+    Attributes:
+        nearest: largest |cosine| of one of its effects to any other candidate.
+        p_left: combined p of the tests of its model.
+        share: of the probability among all that were tried.
+    """
+
+    nearest: float
+    p_left: float
+    share: float
+
+    @property
+    def logs(self) -> tuple[float, float, float]:
+        """As the law takes them: the larger, the better an explanation."""
+        apart = max(1.0 - self.nearest**2, LEAST)
+        return math.log(apart), math.log(max(self.p_left, LEAST)), self.share - 1.0
+
+
+class NameRecord(StrictDocument):
+    """How often an explanation was right: a logistic law that rises with each of its figures."""
+
+    given: int = Field(ge=1, description="explanations whose truth is known")
+    right: int = Field(ge=0, description="of them")
+    intercept: float = Field(description="ln of the odds of one that nothing else looks like")
+    apart: float = Field(ge=0, description="rise with ln(1 - c^2), c the largest |cosine|")
+    p_left: float = Field(ge=0, description="rise with ln p of what is left")
+    share: float = Field(ge=0, description="rise with the share of the probability")
+
+    def chance(self, figures: Figures) -> float:
+        """That an explanation with such figures is right."""
+        slopes = (self.apart, self.p_left, self.share)
+        rise = sum(slope * log for slope, log in zip(slopes, figures.logs, strict=True))
+        return 1.0 / (1.0 + math.exp(-(self.intercept + rise)))
+
+
+@cache
+def name_record() -> NameRecord:
+    """As it is kept."""
+    return NameRecord.model_validate(read_yaml(NAMES))
 
 
 def mean_worth() -> float:

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.generated_pages import ROOT, renew, table
-from diagnosis.selection.decide import Verdicts
-from diagnosis.track_record import factor_of
+from diagnosis.track_record import Verdicts, factor_of
 from geometry.case import load_case
 from inversion.joint.build import document_of, slide_of
 from inversion.joint.document import JointDocument

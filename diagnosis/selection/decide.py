@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 from diagnosis.adequacy.adequacy import Adequacy
 from diagnosis.hypotheses.model import Family
@@ -35,11 +34,10 @@ from diagnosis.selection.tried_models import (
     compared,
     why_not,
 )
+from diagnosis.track_record import Figures, Verdicts, name_record
 
 #: Tests of how large the misfit is; the others are of its pattern, or of one measurement.
 SIZES = ("chi2", "held_out")
-
-Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_effect"]
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,8 @@ class Decision:
         not_enough: why what was accepted does not explain; empty: it does.
         families: of the answer, where its members cannot be told apart.
         members: of these families, candidates that would do as well, the answer's own first.
+        chance: that what is given is right, by what such explanations were worth where the truth
+            is known (`diagnosis.track_record`); None: nothing explains.
     """
 
     verdict: Verdicts
@@ -67,6 +67,7 @@ class Decision:
     not_enough: str = ""
     families: tuple[Family, ...] = ()
     members: tuple[str, ...] = ()
+    chance: float | None = None
 
 
 def decide(tried_models: TriedModels, explanation: Explanation, options: Options) -> Decision:
@@ -117,6 +118,16 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             untried,
             not_enough="it takes several effects, and others would do",
         )
+    chance = name_record().chance(figures_of(final, sets, families, explanation))
+    if named and chance < options.deserved:
+        return Decision(
+            "unknown_effect",
+            final,
+            sets,
+            probability,
+            not_enough=undeserved_words(chance),
+            chance=chance,
+        )
     return Decision(
         "identified" if named else "ambiguous",
         final,
@@ -125,6 +136,37 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
         untried,
         families=families,
         members=members,
+        chance=chance,
+    )
+
+
+def figures_of(
+    final: AdoptedModel,
+    sets: Mapping[tuple[str, ...], float],
+    families: tuple[Family, ...],
+    explanation: Explanation,
+) -> Figures:
+    """What tells whether an explanation is right.
+
+    Args:
+        final: its model.
+        sets: explanations that share the probability, the best first.
+        families: that are the answer in its place.
+        explanation: the candidates, and which of them look alike.
+    """
+    names, shares = final.model.names, list(sets.values())
+    return Figures(
+        nearest=max(explanation.nearest(name, names) for name in names),
+        p_left=final.adequacy.p_combined,
+        share=min(sum(shares) if families else shares[0], 1.0),
+    )
+
+
+def undeserved_words(chance: float) -> str:
+    """Why an explanation is not given."""
+    return (
+        f"where the truth is known, explanations like this one were right in {100 * chance:.0f} "
+        "of 100"
     )
 
 

@@ -8,7 +8,7 @@ that score best once more with another jitter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,6 +71,23 @@ class Explanation:
     def by_chance(self) -> frozenset[str]:
         """Candidates that are one random pattern of many."""
         return frozenset(one.name for one in self.candidates if one.by_chance)
+
+    def nearest(self, name: str, together: Sequence[str] = ()) -> float:
+        """Largest |cosine| of a candidate to another one; 0 where there is no other.
+
+        To one whose place was sought, the places on the way there are no others; nor is what it
+        explains together with.
+        """
+        known = self.known
+        own, row = known[name], np.abs(self.cosine[self.names.index(name)])
+        others = [
+            float(cosine)
+            for other, cosine in zip(self.names, row, strict=True)
+            if other != name
+            and other not in together
+            and not (own.choices > 1 and known[other].placed and known[other].family == own.family)
+        ]
+        return max(others, default=0.0)
 
     def alike(self, name: str, least: float) -> list[str]:
         """Candidates that these data cannot tell from one."""

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.selection.decide import Verdicts
 from diagnosis.selection.refit import FittedModel, RefitContext
+from diagnosis.track_record import Verdicts
 from inversion.estimation.misfit import system
 
 EXPLAINED: tuple[Verdicts, ...] = ("adequate", "identified", "ambiguous")

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from diagnosis.hypotheses.model import Family
-from diagnosis.selection.decide import Verdicts
+from diagnosis.track_record import Verdicts
 from inversion.back_analysis.result import FittedTo
 from inversion.estimation.data import Role
 from pipeline.config import load_document
@@ -73,9 +73,17 @@ class Answer(StrictDocument):
     members: list[str] = Field(
         default_factory=list, description="of these families, the best first; each would do as well"
     )
-    not_enough: str = Field(
-        "", description="why what was accepted does not explain the measurements; empty: it does"
+    not_enough: str = Field("", description="why what was accepted is not the answer; empty: it is")
+    chance: float | None = Field(
+        None,
+        description="that an explanation like this is right, where the truth is known; null: "
+        "nothing explains",
     )
+
+    @property
+    def would_explain(self) -> bool:
+        """It explains, and is not given: such explanations were too often wrong."""
+        return bool(self.not_enough) and self.chance is not None
 
 
 class QuotedValue(StrictDocument):

@@ -17,6 +17,7 @@ from diagnosis.adequacy.windows import worst_window
 from diagnosis.diagnose import Diagnosis
 from diagnosis.hypotheses.model import FAMILY_WORDS, Candidate, Model
 from diagnosis.options import Options
+from diagnosis.selection.decide import Decision
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.quoted_strength import (
@@ -454,6 +455,12 @@ def sentence(found: Diagnosis) -> str:
                 f"fits {_joined(decision.by_chance)}, one random pattern of many, which names "
                 "nothing: what is missing varies from place to place."
             )
+        case "unknown_effect" if decision.chance is not None:
+            return (
+                f"{_joined(final.model.names).capitalize()} would explain the measurements, "
+                f"{_fall(found)}, and {'are' if len(final.model.names) > 1 else 'is'} not named "
+                f"{among}: {decision.not_enough}."
+            )
         case "unknown_effect" if final.model.names:
             does = "improve" if len(final.model.names) > 1 else "improves"
             left = largest(final.adequacy.groups, lambda group: group.z)
@@ -473,17 +480,31 @@ def sentence(found: Diagnosis) -> str:
             members = _joined(decision.members, " or ")
             return (
                 f"The measurements ask for {doubted}, {among}; these data cannot tell which: "
-                f"{members}. With {_joined(final.model.names)} {_fall(found)}."
+                f"{members}. With {_joined(final.model.names)} {_fall(found)}.{_chance(decision)}"
             )
         case "identified":
             return (
                 f"The measurements ask for {_joined(final.model.names)}, {among}: {_fall(found)}."
+                f"{_chance(decision)}"
             )
         case _:
             rivals = [_joined(names) if names else "none" for names in decision.sets]
             if decision.untried:
                 rivals.append("what could not be tried within the runs allowed")
-            return f"The measurements ask for one of {'; '.join(rivals)}, {among}: {_fall(found)}."
+            return (
+                f"The measurements ask for one of {'; '.join(rivals)}, {among}: {_fall(found)}."
+                f"{_chance(decision)}"
+            )
+
+
+def _chance(decision: Decision) -> str:
+    """What explanations like this one were worth."""
+    if decision.chance is None:
+        return ""
+    among = "it was among explanations like these"
+    right = "explanations like this one were right"
+    said = among if decision.verdict == "ambiguous" else right
+    return f" Where the truth is known, {said} in {100 * decision.chance:.0f} of 100."
 
 
 def _fall(found: Diagnosis) -> str:
@@ -523,6 +544,7 @@ def _answer(found: Diagnosis) -> verdict.Answer:
         families=list(found.decision.families),
         members=list(found.decision.members),
         not_enough=found.decision.not_enough,
+        chance=found.decision.chance,
     )
 
 

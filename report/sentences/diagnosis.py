@@ -131,6 +131,8 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
         name = spoken(one.name).capitalize()
         if data.verdict.verdict == "ambiguous":
             name = f"Most probable: {spoken(one.name)}"
+        elif data.verdict.answer.would_explain:
+            name = f"Would explain the measurements: {spoken(one.name)}"
         elif unknown:
             name = f"Added, but not sufficient: {spoken(one.name)}"
         said.append(

@@ -46,6 +46,7 @@ from report.table import Table
 
 NOISE = "standard deviations; noise alone has 1"
 FOUND = {"ambiguous": "most probable", "unknown_effect": "added, not sufficient"}
+WOULD_EXPLAIN = "would explain it"
 
 
 def key_numbers(data: DiagnosisData) -> KeyNumbers:
@@ -58,6 +59,7 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
         for one in verdict.answer.effects:
             value = plus_minus(one.amplitude, one.std, one.unit)
             name = FOUND.get(verdict.verdict, "missing effect")
+            name = WOULD_EXPLAIN if verdict.answer.would_explain else name
             entries.append((name, spoken(one.name), value))
     elif hasattr(document, "alarm"):
         entries.append(("base model", document.alarm, chance(base.p_combined)))

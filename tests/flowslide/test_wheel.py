@@ -155,7 +155,11 @@ def test_wheel_holds_the_packages_their_data_and_the_licence(wheel, packages, so
     facts = f"flowslide-{pipeline.__version__}.dist-info"
     assert {name.partition("/")[0] for name in held} == {*packages, "flowslide_data", facts}
     assert f"{facts}/licenses/LICENSE" in held
-    assert {"flowslide/studio/page/index.html", "diagnosis/track_record.yaml"} <= held
+    assert {
+        "flowslide/studio/page/index.html",
+        "diagnosis/names.yaml",
+        "diagnosis/track_record.yaml",
+    } <= held
     for name in (*packages, *DATA):
         start = f"flowslide_data/{name}/" if name in DATA else f"{name}/"
         files = {path.relative_to(source / name).as_posix()

@@ -36,6 +36,11 @@ class OpenedSet:
     record: str
     commit: str
 
+    def cases(self) -> list[Judged]:
+        """Its slides with what the method said of each."""
+        benchmark = load_benchmark(FOLDER / f"{self.plan}.yaml")
+        return judged(load_rows(FOLDER / f"{self.record}.json"), benchmark, METHOD)
+
 
 SETS = (
     OpenedSet("physics", "own solver", "benchmark", "results", "32d0336"),
@@ -62,8 +67,7 @@ def sets_table() -> str:
 
 def row(opened: OpenedSet) -> list[str]:
     """The row of a set."""
-    benchmark = load_benchmark(FOLDER / f"{opened.plan}.yaml")
-    cases = judged(load_rows(FOLDER / f"{opened.record}.json"), benchmark, METHOD)
+    cases = opened.cases()
 
     def of(*kinds: str) -> list[Judged]:
         return [one for one in cases if one.truth["kind"] in kinds]
