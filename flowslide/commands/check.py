@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> None:
         if number == 0:
             print(
                 f"{'scene':<24}{'zones':>6}{'points':>8}{'size m':>14}"
-                f"{'area m2':>10}{'filled':>9}{'draws':>7}"
+                f"{'area m²':>10}{'filled':>9}{'draws':>7}"
             )
         drawn = scene.origin.draws if scene.origin else "-"
         filled = f"{100.0 * (1.0 + missed):.2f} %"
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         )
         if missed < -SAME_VOLUME:
             print(
-                f"  doubtful: {-missed * area:.4g} m2 of soil are thinner than half a spacing for "
+                f"  doubtful: {-missed * area:.4g} m² of soil are thinner than half a spacing for "
                 "long, far from any point, and left out; a smaller spacing holds them"
             )
         print_gaps(scene)
@@ -119,18 +119,18 @@ def _check_3d(text: str) -> None:
     x_min, x_max, y_min, y_max, _ = problem.domain
     print(
         f"{problem.name}: three-dimensional, {len(problem.position)} points, "
-        f"{problem.volume.sum():.4g} m3, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
+        f"{problem.volume.sum():.4g} m³, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
     )
     if scene.ground is not None:
         drawn = drawn_volume(scene)
         apart = problem.volume.sum() / drawn - 1.0
         print(
-            f"  {drawn:.4g} m3 between the rasters; the points hold {100.0 * apart:+.1f} %"
+            f"  {drawn:.4g} m³ between the rasters; the points hold {100.0 * apart:+.1f} %"
             + ("; a smaller spacing comes nearer" if abs(apart) > SAME_VOLUME else "")
         )
         if (beyond := volume_left_out(scene)) > SAME_VOLUME * drawn:
             print(
-                f"  doubtful: {beyond:.4g} m3 lie beyond the last whole cell and are left out; "
+                f"  doubtful: {beyond:.4g} m³ lie beyond the last whole cell and are left out; "
                 "rasters of a whole number of cells, twice the spacing, hold all of it"
             )
     folder = Path(text) if Path(text).is_dir() else Path(text).parent
@@ -149,7 +149,7 @@ def print_gaps(scene: Scene) -> None:
         print(f"  {error}")
         return
     for area, (x, y) in found[:5]:
-        print(f"  gap of {area:.3g} m2 between zones at ({x:.2f}, {y:.2f})")
+        print(f"  gap of {area:.3g} m² between zones at ({x:.2f}, {y:.2f})")
     if len(found) > 5:
         print(f"  and {len(found) - 5} smaller gaps")
 

@@ -17,6 +17,7 @@ import numpy as np
 from geometry.case import Case
 from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
+from pipeline.units import with_signs
 
 #: Most frames of a film: two a second of a slide of half a minute.
 FRAMES = 60
@@ -97,7 +98,7 @@ def _reading(one: Reading) -> dict[str, Any]:
     return {
         "name": one.name,
         "label": label(one),
-        "unit": one.unit,
+        "unit": with_signs(one.unit),
         "simulated": _number(one.simulated),
         "measured": one.measured,
         "below": one.below,

@@ -139,7 +139,7 @@ def _soils(scene: Scene) -> Iterator[str]:
         if soil.cohesion_kpa > STRONGEST_KPA:
             yield f"{name}: a strength of {soil.cohesion_kpa:g} kPa is that of rock; is it in Pa?"
         if not DENSITIES[0] <= soil.density <= DENSITIES[1]:
-            yield f"{name}: density {soil.density:g} kg/m3; is it in lb/ft3, N/m3 or kN/m3?"
+            yield f"{name}: density {soil.density:g} kg/m³; is it in lb/ft³, N/m³ or kN/m³?"
         if 0.0 < soil.friction_deg < SMALLEST_DEG:
             yield f"{name}: friction_deg {soil.friction_deg:g}; is it in radians?"
     if not any(scene.materials[zone.material].liquefied for zone in scene.zones):

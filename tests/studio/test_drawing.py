@@ -115,7 +115,7 @@ def test_an_embankment_is_drawn_surveyed_and_answered(address, browser, workspac
     for name, friction, cohesion in (("dense sand", 34, 1), ("fill", 33, 2)):
         typed(page, f"friction of {name} [deg]", friction)
         typed(page, f"cohesion of {name} [kPa]", cohesion)
-        typed(page, f"density of {name} [kg/m3]", 1900)
+        typed(page, f"density of {name} [kg/m³]", 1900)
     typed(page, "pool level [m]", 3)
     chosen(page, "pool on", "both")
     typed(page, "spacing [m]", 0.5)

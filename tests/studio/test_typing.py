@@ -54,7 +54,7 @@ def focused(page: Page) -> str:
 
 def test_a_number_in_another_unit_is_converted_and_shown(page, workspace):
     page.locator("summary", has_text="firm").click()
-    typed(page, "density of firm [kg/m3]", "120 pcf")
+    typed(page, "density of firm [kg/m³]", "120 pcf")
     typed(page, "cohesion of firm [kPa]", "250 psf")
     typed(page, "friction of firm [deg]", "33,5")
     soil = saved(page, workspace, "scene", "materials", "firm")
@@ -62,9 +62,9 @@ def test_a_number_in_another_unit_is_converted_and_shown(page, workspace):
     assert soil["cohesion_kpa"] == pytest.approx(250 * 0.04788026, rel=1e-5)
     assert soil["friction_deg"] == 33.5
     told = page.locator(".converted:visible")
-    assert told.all_inner_texts() == ["250 psf = 11.9701 kPa", "120 pcf = 1922.22 kg/m3"]
+    assert told.all_inner_texts() == ["250 psf = 11.9701 kPa", "120 pcf = 1922.22 kg/m³"]
     typed(page, "cohesion of firm [kPa]", "3")
-    expect(told).to_have_text(["120 pcf = 1922.22 kg/m3"])
+    expect(told).to_have_text(["120 pcf = 1922.22 kg/m³"])
     page.keyboard.press("3")  # no short cut where somebody has just typed
     assert page.evaluate("document.body.dataset.mode") == "section"
 

@@ -16,7 +16,7 @@ const plain = (unit) => {
 /** How many of `unit` one of `other` is; null: it is no unit of that kind. */
 function factor(other, unit) {
   const known = Object.entries({ ...units[unit], [unit]: 1 });
-  const found = known.find(([name]) => name.toLowerCase() === plain(other).toLowerCase());
+  const found = known.find(([name]) => plain(name).toLowerCase() === plain(other).toLowerCase());
   return found ? found[1] : null;
 }
 
@@ -94,7 +94,7 @@ function unitIn(title) {
   const [, inside] = /[[(]([^\])]+)[\])]\s*$/.exec(title) ?? /_([a-z]+)$/i.exec(title) ?? [];
   if (inside) return inside;
   const known = Object.values(units).flatMap((one) => Object.keys(one));
-  return known.includes(plain(title)) ? title : "";
+  return known.map(plain).includes(plain(title)) ? title : "";
 }
 
 /**

@@ -70,7 +70,7 @@ export function keyWords(key) {
   for (const [end, unit] of Object.entries(units)) {
     if (key.endsWith(end)) return [key.slice(0, -end.length).replaceAll("_", " "), unit];
   }
-  return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m3" : ""];
+  return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m³" : ""];
 }
 
 const TYPE_AHEAD = 1000; // ms in which browsers take letters for the words of an entry
