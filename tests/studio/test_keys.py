@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+from itertools import pairwise
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -70,6 +71,32 @@ def test_a_slider_that_is_dragged_shows_deposits_on_its_way(page):
     page.mouse.up()
     page.wait_for_function(IDLE, timeout=20_000)
     assert on_the_way >= 3
+
+
+def test_a_dragged_slider_leaves_the_solver_its_time(page):
+    """Ten questions a second are smooth; each of them takes some of the time of a deposit."""
+    page.wait_for_function(IDLE, timeout=20_000)
+    page.evaluate(
+        """() => {
+          window.sent_ = [];
+          const { send } = WebSocket.prototype;
+          WebSocket.prototype.send = function (text) {
+            window.sent_.push(performance.now());
+            send.call(this, text);
+          };
+        }"""
+    )
+    box = page.locator("#sliders input[type=range]").first.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 5)
+    page.mouse.down()
+    for step in range(100):
+        page.mouse.move(box["x"] + (0.3 + 0.004 * step) * box["width"], box["y"] + 5)
+        page.wait_for_timeout(15)
+    page.mouse.up()
+    page.wait_for_function(IDLE, timeout=20_000)
+    sent = page.evaluate("window.sent_")
+    assert len(sent) > 5
+    assert min(after - before for before, after in pairwise(sent)) > 80.0
 
 
 def test_numbers_are_typed_from_field_to_field(page, workspace):
