@@ -388,6 +388,8 @@ def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, wo
         ("12.5, 3.2\n13.5 3", "12.5,3.2\n13.5,3\n"),
         ("12,5 3,2\n13,5 3,0", "12.5,3.2\n13.5,3\n"),
         ("1\t12.5\t3.2", None),
+        ("No\tStation (m)\tElevation (m)\n1\t30\t0,5\n2\t45\t2", "30,0.5\n45,2\n"),
+        ("x_m,y_m\n30,0.5\n45\t2,5\n", "30,0.5\n45,2.5\n"),
         ("12,5 3\n13 3", None),
     ],
 )

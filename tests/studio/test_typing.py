@@ -141,14 +141,26 @@ def test_a_block_goes_over_the_vertices_and_beyond(page, workspace):
     zones = saved(page, workspace, "scene", "zones")
     assert zones[2]["polygon"] == [[70, 0], [91.44, 0], [70.104, 9.906], [70.104, 8.077]]
     assert zones[1]["polygon"][2] == [70.104, 9.906]
+    page.keyboard.press("Control+z")  # nothing has been typed in the cell: it takes the paste back
+    assert saved(page, workspace, "scene", "zones") == before
+    expect(page.get_by_label("x of vertex 2 [m]")).to_have_value("90")
+    page.get_by_label("x of vertex 2 [m]").click(click_count=3)
+    page.keyboard.type("12")
+    page.keyboard.press("Control+z")  # what is typed has an undo of its own
     page.keyboard.press("Control+z")
-    page.locator("#undo").click()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Tab")
+    assert saved(page, workspace, "scene", "zones") == before
+
+    paste(page, "x of vertex 1 [m]", "No\tChainage (m)\tElevation (m)\n1\t71\t0\n2\t91\t0,5")
+    assert saved(page, workspace, "scene", "zones")[2]["polygon"][:2] == [[71, 0], [91, 0.5]]
+    page.keyboard.press("Control+z")
     assert saved(page, workspace, "scene", "zones") == before
 
     for block, said in (
         ("1\t2\n3\tx", "not pasted: “x” is no number"),
         ("1\t2\t3\n1\t2\t3", "not pasted: 3 columns, where 2 fit"),
-        ("1\t2\n3", "not pasted: row 2 (3) has 1 numbers, the first one 2"),
+        ("1\t2\n3", "not pasted: row 2 (3) has 1 number, the first one 2"),
         ("1\n2\n3\n4", "not pasted: 4 rows, where 3 vertices are from here on"),
     ):
         paste(page, "x of vertex 1 [m]", block)

@@ -219,13 +219,13 @@ export class SurveyPanel {
 }
 
 /**
- * Pasted columns as the CSV of a profile; what has its header is kept as it is.
+ * Pasted columns as the CSV of a profile; one that has its header and nothing else than CSV is kept as it is.
  *
  * A row that is not two numbers is an error, but for titles before the first one, whose units count.
  */
 export function tableOf(text) {
   const rows = text.replaceAll("\r", "").split("\n").map((row) => row.trim()).filter(Boolean);
-  if (rows.some((row) => /^x_m\s*,/.test(row))) return `${rows.join("\n")}\n`;
+  if (rows.some((row) => /^x_m\s*,/.test(row)) && !rows.some((row) => /[\t;]/.test(row))) return `${rows.join("\n")}\n`;
   let points;
   try {
     points = numbersOf(rows.map(cellsOf), ["m", "m"]);

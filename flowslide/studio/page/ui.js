@@ -160,6 +160,9 @@ for (const end of ["pointerup", "pointercancel"]) {
 // Keys come before timers: what the field before changed is shown before the next one takes a letter.
 addEventListener("keydown", () => { if (leaving) { leaving = false; fillWaiting(); } }, true);
 
+/** Something is being typed into a field that nobody has taken yet. */
+export const isTyping = (field) => typing === field;
+
 /** A field was left a moment ago: a key is meant for what follows it, and is no short cut. */
 export const justTyped = () => performance.now() - left < 1000;
 
