@@ -285,7 +285,7 @@ class InversionSettings(Settings):
     tolerance_m2: float = Field(
         0.1,
         gt=0,
-        description="loss `runout`: squared runout error that is good enough, m2; at most the "
+        description="loss `runout`: squared runout error that is good enough, m²; at most the "
         "variance of the survey's errors",
     )
     tolerance_misfit: float = Field(

@@ -51,7 +51,7 @@ def summary(data: BackAnalysisData) -> str:
     result = data.result
     answer = result.answer
     end = "" if answer.reached else "NOT FITTED: "
-    unit = " m2" if answer.loss_unit == "m2" else ""
+    unit = " m²" if answer.loss_unit == "m2" else ""
     iterations = max(line.iteration for line in result.iterations)
     heading = (
         f"{result.title}: back-analysis by {engine_named(result.engine).label} at "

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from report.charts.from_blow_counts import draw_quantities
-from report.numbers import fixed, span
+from report.numbers import fixed, span, unit_of
 from report.page import Section, said, shown, tabulated, write_page
 from report.sentences.small_cells import cells_of
 from report.table import Table, plain
@@ -66,7 +66,7 @@ def write_report(document: dict[str, Any], folder: Path) -> Path:
 def quantity_table(document: dict[str, Any]) -> Table:
     """Rows: what was measured, and each relation; columns: the numbers at the median strengths."""
     quantities = document["relations"][0]["quantities"]
-    header = ["", *(f"{entry['name']} ({entry['unit']})" for entry in quantities)]
+    header = ["", *(f"{entry['name']} ({unit_of(entry['unit'])})" for entry in quantities)]
     measured: list[str | None] = ["measured", *(_measured(entry) for entry in quantities)]
     rows = [[one["label"], *map(_predicted, one["quantities"])] for one in document["relations"]]
     known = [measured] if any(measured[1:]) else []

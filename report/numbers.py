@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from pipeline.units import with_signs
+
 MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
-UNITS = {"deg": "°", "kg/m3": "kg/m³", "m2": "m²", "m/s2": "m/s²"}
-"""Units as they are written, where that is not as they are stored."""
 LN_RATIO = "ln ratio"
 """Unit of the natural logarithm of a ratio, which is written as the factor."""
 MOST_LOG = math.log(1e4)
@@ -51,7 +51,7 @@ def chance(p: float) -> str:
 
 def unit_of(name: str) -> str:
     """A unit as it is written."""
-    return UNITS.get(name, name)
+    return "°" if name == "deg" else with_signs(name)
 
 
 def with_unit(value: float | str, unit: str, digits: int = 3) -> str:

@@ -17,7 +17,7 @@ from geometry.scenes.scene import Scene
 from inversion.engines.registry import REFERENCE, engine_named
 from inversion.prediction.prediction_document import QUANTILES
 from report.charts.hydrograph import HYDROGRAPH, save_hydrographs
-from report.numbers import fixed
+from report.numbers import fixed, unit_of
 from report.page import Section, said, shown, tabulated, write_page
 from report.pictures.scene import draw_section
 from report.sentences.prediction import first_order_words, line_words
@@ -102,7 +102,7 @@ def quantity_table(document: dict[str, Any]) -> Table:
         probability = entry["probability_beyond_measured"]
         rows.append(
             [
-                f"{entry['name']} ({entry['unit']})",
+                f"{entry['name']} ({unit_of(entry['unit'])})",
                 fixed(entry["mean"]),
                 fixed(entry["std"]),
                 plus_minus_fixed(entry["first_order"]),
@@ -157,7 +157,7 @@ def remarks(document: dict[str, Any]) -> list[str]:
         if entry["censored"]:
             lines.append(
                 f"{entry['name']}: the probability that it flows, a toe that moves more than "
-                f"{entry['measured']:g} {entry['unit']}, is "
+                f"{entry['measured']:g} {unit_of(entry['unit'])}, is "
                 f"{100 * entry['probability_beyond_measured']:.1f} %"
             )
     for entry in toes_of(document):

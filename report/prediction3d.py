@@ -128,7 +128,7 @@ def area_table(document: dict[str, Any]) -> Table:
         for one in document["inundation"]
     ]
     shares = document["inundation"][0]["area_m2"]
-    header = ["thicker than (m)", "mean area (m2)", *(f"with at least {p} %" for p in shares)]
+    header = ["thicker than (m)", "mean area (m²)", *(f"with at least {p} %" for p in shares)]
     return Table(header, rows)
 
 

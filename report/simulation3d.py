@@ -16,6 +16,7 @@ from mpm_taichi.readings3d import Maps, named, paths_of
 from pipeline.extras import has
 from pipeline.files import write_text
 from report import page
+from report.numbers import unit_of, with_unit
 from report.pictures.ground_map import save_map
 from report.pictures.ground_view import save_view
 from report.table import Table
@@ -95,7 +96,7 @@ def _write_page(
     values = [
         (*named(name), "none" if math.isnan(v) else f"{v:.4g}") for name, v in readings.items()
     ]
-    keys = [(words, f"{value} {unit}", "") for words, unit, value in values[1:5]]
+    keys = [(words, with_unit(value, unit), "") for words, unit, value in values[1:5]]
     sections = [
         page.Section("In short", [page.KeyNumbers(keys), *page.said([warning(walls)])]),
         page.Section(
@@ -118,7 +119,8 @@ def _write_page(
             "Readings",
             page.tabulated(
                 Table(
-                    ("quantity", "value", "unit"), [(w, value, unit) for w, unit, value in values]
+                    ("quantity", "value", "unit"),
+                    [(w, value, unit_of(unit)) for w, unit, value in values],
                 )
             ),
         ),

@@ -13,6 +13,7 @@ from geometry.survey.measured import Measured
 from geometry.survey.registry import measurement_types
 from geometry.survey.site import Site
 from inversion.estimation.forward import SectionSetup
+from pipeline.units import with_signs
 
 
 def site_of(setup: SectionSetup) -> Site:
@@ -37,7 +38,7 @@ def proposal_of(entry: Measured, first: int) -> Proposal:
     name = " ".join([entry.name, *(part for part in entry.parts if len(entry.parts) == 1 and part)])
     return Proposal(
         name=name,
-        words=f"{name}, to {entry.std:g} {entry.unit}",
+        words=f"{name}, to {entry.std:g} {with_signs(entry.unit)}",
         index=tuple(range(first, first + len(entry.values))),
         covariance=entry.covariance(),
     )

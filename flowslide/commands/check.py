@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 from flowslide.commands import options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
+    from geometry.scenes.fill import MaterialPoints
     from geometry.scenes.scene import Scene
-    from geometry.sides import Side
     from geometry.survey.measurements import Measurements
     from geometry.survey.sets import Sets
 
@@ -20,9 +18,6 @@ DESCRIPTION = (
     "Check scene files, and in the folder of a case its measurements and its question as well. The "
     "first one that is not valid ends the command with one line and exit code 2."
 )
-
-#: Share by which the volume of points may differ from that of the rasters without a remark.
-SAME_VOLUME = 0.002
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Check them one after another."""
     from flowslide import api
+    from geometry.doubts import missed_share
     from geometry.random_scenes.sketch import signed_area
     from geometry.scenes.fill import fill
     from geometry.scenes.scene import load_scene, scene_files
@@ -54,13 +50,13 @@ def run(arguments: argparse.Namespace) -> None:
     points_in_all, draws, worst = 0, 0, 0.0
     for number, path in enumerate(paths):
         scene = load_scene(path)
-        measurements = _measurements_beside(path, scene)
+        measurements = measurements_beside(path, scene)
         if measurements is not None and (path.parent / "inversion.yaml").is_file():
             api.load_question(path.parent)
         counted = _blow_counts_beside(path, scene)
         points = fill(scene)
         area = sum(abs(signed_area(zone.polygon)) for zone in scene.zones)
-        missed = points.volume.sum() / area - 1.0
+        missed = missed_share(scene, points)
         worst = max(worst, abs(missed))
         points_in_all += len(points)
         draws += scene.origin.draws if scene.origin else 0
@@ -69,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
         if number == 0:
             print(
                 f"{'scene':<24}{'zones':>6}{'points':>8}{'size m':>14}"
-                f"{'area m2':>10}{'filled':>9}{'draws':>7}"
+                f"{'area m²':>10}{'filled':>9}{'draws':>7}"
             )
         drawn = scene.origin.draws if scene.origin else "-"
         filled = f"{100.0 * (1.0 + missed):.2f} %"
@@ -77,20 +73,8 @@ def run(arguments: argparse.Namespace) -> None:
             f"{scene.name:<24}{len(scene.zones):>6}{len(points):>8}{_size(scene):>14}"
             f"{area:>10.1f}{filled:>9}{drawn:>7}"
         )
-        if missed < -SAME_VOLUME:
-            print(
-                f"  doubtful: {-missed * area:.4g} m2 of soil are thinner than half a spacing for "
-                "long, far from any point, and left out; a smaller spacing holds them"
-            )
-        print_gaps(scene)
         print_ends(scene)
-        if scene.origin is None:  # a drawn one: blocks of a template fly on purpose
-            toes = () if measurements is None else measurements.chosen()
-            print_doubts(
-                scene,
-                [one.values[0] for one in toes if one.is_runout],
-                {} if measurements is None else measurements.feet(scene),
-            )
+        print_doubts(scene, measurements, points)
         if measurements is not None:
             _print_measurements(measurements)
         if counted:
@@ -109,6 +93,7 @@ def _size(scene: Scene) -> str:
 
 
 def _check_3d(text: str) -> None:
+    from geometry.doubts import SAME_VOLUME
     from geometry.scenes3d.fill3d import drawn_volume, volume_left_out
     from geometry.scenes3d.scene3d import load_scene_3d
     from geometry.survey3d.survey import FILE_NAME, load_survey
@@ -119,18 +104,18 @@ def _check_3d(text: str) -> None:
     x_min, x_max, y_min, y_max, _ = problem.domain
     print(
         f"{problem.name}: three-dimensional, {len(problem.position)} points, "
-        f"{problem.volume.sum():.4g} m3, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
+        f"{problem.volume.sum():.4g} m³, {x_max - x_min:g} x {y_max - y_min:g} m in plan"
     )
     if scene.ground is not None:
         drawn = drawn_volume(scene)
         apart = problem.volume.sum() / drawn - 1.0
         print(
-            f"  {drawn:.4g} m3 between the rasters; the points hold {100.0 * apart:+.1f} %"
+            f"  {drawn:.4g} m³ between the rasters; the points hold {100.0 * apart:+.1f} %"
             + ("; a smaller spacing comes nearer" if abs(apart) > SAME_VOLUME else "")
         )
         if (beyond := volume_left_out(scene)) > SAME_VOLUME * drawn:
             print(
-                f"  doubtful: {beyond:.4g} m3 lie beyond the last whole cell and are left out; "
+                f"  doubtful: {beyond:.4g} m³ lie beyond the last whole cell and are left out; "
                 "rasters of a whole number of cells, twice the spacing, hold all of it"
             )
     folder = Path(text) if Path(text).is_dir() else Path(text).parent
@@ -138,32 +123,14 @@ def _check_3d(text: str) -> None:
         _print_measurements(load_survey(folder, scene))
 
 
-def print_gaps(scene: Scene) -> None:
-    """Print where zones leave gaps between them."""
-    from geometry.scenes.polygon_checks import gaps
-    from pipeline.cli import InputError
-
-    try:
-        found = gaps({zone.name: zone.polygon for zone in scene.zones}, scene.spacing)
-    except InputError as error:
-        print(f"  {error}")
-        return
-    for area, (x, y) in found[:5]:
-        print(f"  gap of {area:.3g} m2 between zones at ({x:.2f}, {y:.2f})")
-    if len(found) > 5:
-        print(f"  and {len(found) - 5} smaller gaps")
-
-
 def print_doubts(
-    scene: Scene, runouts: Iterable[float] = (), feet: Mapping[Side, float] | None = None
+    scene: Scene, measurements: Measurements | None = None, points: MaterialPoints | None = None
 ) -> None:
-    """Print what of section, runouts [m] and feet is hardly meant, and layers of few points."""
-    from geometry.scenes.doubts import doubts, far_feet, far_runouts, thin_layers
+    """Print what is hardly meant in a section and its survey; see `geometry.doubts.case_doubts`."""
+    from geometry.doubts import case_doubts
 
-    for line in [*doubts(scene), *far_runouts(scene, runouts), *far_feet(scene, feet or {})]:
+    for line in case_doubts(scene, measurements, points):
         print(f"  doubtful: {line}")
-    for line in thin_layers(scene):
-        print(f"  {line}")
 
 
 def print_ends(scene: Scene) -> None:
@@ -194,7 +161,7 @@ def print_ends(scene: Scene) -> None:
             )
 
 
-def _measurements_beside(path: Path, scene: Scene) -> Measurements | None:
+def measurements_beside(path: Path, scene: Scene) -> Measurements | None:
     """The measurements of the case whose scene this is, checked against it; None: no case."""
     from geometry.survey.measurements import FILE_NAME, load_measurements
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from flowslide.commands import options
-from flowslide.commands.check import print_doubts, print_ends, print_gaps
+from flowslide.commands.check import print_doubts, print_ends
 from pipeline.cli import InputError
 
 DESCRIPTION = (
@@ -54,6 +54,5 @@ def run(arguments: argparse.Namespace) -> None:
     )
     save_scene(scene, arguments.out)
     print(f"wrote {arguments.out}: {len(scene.zones)} zones, {point_count(scene)} points")
-    print_gaps(scene)
     print_ends(scene)
     print_doubts(scene)

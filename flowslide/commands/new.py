@@ -6,7 +6,7 @@ import argparse
 import shlex
 
 from flowslide.commands import options
-from flowslide.commands.check import print_doubts, print_ends
+from flowslide.commands.check import measurements_beside, print_doubts, print_ends
 
 CASES = "case_histories"
 DESCRIPTION = (
@@ -102,6 +102,7 @@ def _refuse_options_of_drawings(arguments: argparse.Namespace) -> None:
 def _from_drawing(arguments: argparse.Namespace) -> None:
     from pathlib import Path
 
+    from geometry.case import SCENE_FILE
     from inversion.new_case.make_case import Given, make_case
 
     made = make_case(
@@ -129,7 +130,7 @@ def _from_drawing(arguments: argparse.Namespace) -> None:
     ran = f"runout {ran}" if ran else "no slide was measured"
     print(f"wrote {folder}: {len(made.scene.zones)} zones; {ran}")
     print_ends(made.scene)
-    print_doubts(made.scene, [one.value_m for one in made.runouts])
+    print_doubts(made.scene, measurements_beside(folder / SCENE_FILE, made.scene))
     print("It works as it is; lines with FILL IN wait for what only you know. Next:")
     typed = shlex.quote(str(folder))
     print(f"  flowslide check {typed}")

@@ -34,6 +34,7 @@ from geometry.scenes.drawings import FORMATS, read_section, reading, section_doc
 from geometry.scenes.scene import checked_document
 from pipeline import __version__
 from pipeline.cli import InputError, WorkFailed
+from pipeline.units import with_signs
 
 PAGE = Path(__file__).resolve().parent / "page"
 TYPES = {".css": "text/css", ".js": "text/javascript"}
@@ -500,10 +501,10 @@ def _effects() -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "unit": one.amplitude.unit,
+            "unit": with_signs(one.amplitude.unit),
             "low": one.amplitude.low,
             "ladder": one.amplitude.ladder,
-            "meaning": one.amplitude.meaning,
+            "meaning": with_signs(one.amplitude.meaning),
         }
         for name, one in effects().items()
         if not one.place and not one.internal

@@ -37,6 +37,7 @@ from mpm_taichi.solver3d.problem import Problem3d, has_sloping_water, problem_of
 from pipeline.cli import InputError
 from pipeline.files import content_hash, make_folder, read_text, read_yaml
 from pipeline.places import CASES, shipped
+from report.numbers import unit_of
 
 #: Before the name of a body in the list of cases of the page, and in its address.
 BODY = "3d/"
@@ -332,4 +333,4 @@ def _mark(entry: MapMeasured) -> dict[str, Any]:
         return {**found, "kind": "squares", "places": places, "every_m": entry.every_m}
     if isinstance(entry, DepositEdge):
         return {**found, "kind": "edge", "places": entry.places.round(2).tolist()}
-    return {**found, "kind": "number", "value": float(entry.values[0]), "unit": entry.unit}
+    return {**found, "kind": "number", "value": float(entry.values[0]), "unit": unit_of(entry.unit)}

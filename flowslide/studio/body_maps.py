@@ -27,11 +27,11 @@ from geometry.terrain.raster import Raster, hillshade
 from mpm_taichi.readings3d import Maps, maps_of, named
 from mpm_taichi.solver3d.problem import Problem3d
 from mpm_taichi.trajectory3d import Run3d
+from report.numbers import unit_of
 
 #: Cells of all frames of a film: 30 MB of a message.
 MOST_CELLS = 5_000_000
 NO_ZONE = 255
-_POWERS = {"m2": "m²", "m3": "m³"}
 
 
 def ground_message(scene: Scene3d, problem: Problem3d, measured: Raster | None) -> bytes:
@@ -145,7 +145,7 @@ def reading_rows(
 def _row(words: str, unit: str, value: float, measured: MapNumber | None) -> dict[str, Any]:
     known = np.isfinite(value)
     row: dict[str, Any] = {
-        "name": words, "label": words, "unit": _POWERS.get(unit, unit),
+        "name": words, "label": words, "unit": unit_of(unit),
         "simulated": float(value) if known else None, "measured": None, "below": "",
         "std": None, "in_std": None, "confidence": None,
         "held_out": False, "trouble": "" if known else "nothing to read",

@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 
 from geometry.scenes.scene import Material
 from geometry.survey.registry import measurement_types
+from pipeline.units import with_signs
 
 #: Fields of a material that need a form of their own.
 _LEFT_OUT = ("pre_failure",)
@@ -30,7 +31,7 @@ def measurement_forms() -> list[dict[str, Any]]:
     for name, kind in measurement_types().items():
         fields = [_field(key, info) for key, info in kind.model_fields.items() if key != "type"]
         fields.sort(key=_rank)
-        forms.append({"type": name, "unit": kind.unit, "fields": fields})
+        forms.append({"type": name, "unit": with_signs(kind.unit), "fields": fields})
     return forms
 
 
@@ -53,7 +54,7 @@ def _field(key: str, info: FieldInfo) -> dict[str, Any]:
         "choices": choices,
         "required": info.is_required(),
         "default": None if info.is_required() else info.default,
-        "meaning": info.description or "",
+        "meaning": with_signs(info.description or ""),
     }
 
 

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from geometry.case import Case
+from geometry.scenes.doubts import Doubt, soil_doubts
 from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
+from pipeline.units import with_signs
 
 #: Most frames of a film: two a second of a slide of half a minute.
 FRAMES = 60
@@ -75,9 +77,17 @@ def deposit(case: Case, run: Run, readings: list[Reading], *, film: bool, **more
         "came_to_rest": run.came_to_rest,
         "computed_s": round(run.wall_time_s, 4),
         "readings": [_reading(one) for one in readings],
+        "doubts": [doubt_message(one) for one in soil_doubts(case.scene)],
         **more,
     }
     return message(header, arrays)
+
+
+def doubt_message(line: Doubt) -> dict[str, Any]:
+    """A doubt as the page has it: like a fault, at its field where there is one."""
+    part, *field = line.field or ("scene",)
+    # Options of commands are not the page's.
+    return {"document": part, "message": line.replace(" (--unit)", ""), "field": field}
 
 
 def _speed(run: Run, places: np.ndarray) -> np.ndarray:
@@ -97,7 +107,7 @@ def _reading(one: Reading) -> dict[str, Any]:
     return {
         "name": one.name,
         "label": label(one),
-        "unit": one.unit,
+        "unit": with_signs(one.unit),
         "simulated": _number(one.simulated),
         "measured": one.measured,
         "below": one.below,

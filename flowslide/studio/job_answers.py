@@ -91,7 +91,7 @@ def strength_found(
 def simulation(done: Simulation) -> Found:
     """What was read from the deposit."""
     return as_found(
-        f"{one.name}: {fixed(one.simulated)} {one.unit}"
+        f"{one.name}: {fixed(one.simulated)} {unit_of(one.unit)}"
         for one in done.readings
         if one.simulated is not None
     )
@@ -234,8 +234,8 @@ def posterior(document: PosteriorDocument) -> Found:
 def prediction(document: Found) -> Found:
     """Every predicted number with its range."""
     lines = [
-        f"{one['name']}: {fixed(one['mean'])} ± {fixed(one['std'])} {one['unit']}, 5 to 95 % "
-        f"{span(one['quantiles']['5'], one['quantiles']['95'])}"
+        f"{one['name']}: {fixed(one['mean'])} ± {fixed(one['std'])} {unit_of(one['unit'])}, "
+        f"5 to 95 % {span(one['quantiles']['5'], one['quantiles']['95'])}"
         for one in document["quantities"]
     ]
     return as_found([prediction_report.strength_words(document), *lines])

@@ -30,8 +30,8 @@ from pipeline.documents import StrictDocument
 from pipeline.files import content_hash
 from pipeline.progress import Cancelled
 
-#: Bytes of runs that are kept.
-KEPT_BYTES = 100e6
+#: Bytes of runs that are kept: some thirty of Lower San Fernando at 2 m.
+KEPT_BYTES = 40e6
 #: How long a run may go on when a newer question of its page waits [s].
 PATIENCE_S = 1.5
 #: Points of a live run, some ten seconds of one core: others are jobs.

@@ -39,10 +39,11 @@ from flowslide.studio.faults import (
     other_faults,
     section_faults,
 )
+from flowslide.studio.frames import doubt_message
 from flowslide.studio.temporary import temporary_folder
 from flowslide.studio.whole_files import append_line, copy_case
 from geometry.case import SCENE_FILE, Case, load_case
-from geometry.scenes.doubts import doubts, thin_layers
+from geometry.doubts import case_doubts
 from geometry.scenes.fill import point_count
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES, Side
@@ -331,10 +332,7 @@ class Workspace:
             "duration_s": case.simulation.duration_s,
             "feet": dict(case.feet),
             "ends": {side: _end_of(scene, side) for side in SIDES},
-            "doubts": [
-                *(line.replace(" (--unit)", "") for line in doubts(scene)),
-                *thin_layers(scene),
-            ],
+            "doubts": [doubt_message(line) for line in case_doubts(scene, case.survey)],
             "marks": marks_of(case),
             "sets": [] if case.survey is None else list(case.survey.sets),
             "joint": self.joint_words(),

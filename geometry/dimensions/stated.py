@@ -182,7 +182,7 @@ class SlideDimensions(Document):
             _check(key, getattr(self, key), *allowed, words)
         _check("liquefied_share", self.liquefied_share, *LIQUEFIED_SHARE, "of the height")
         _check("liquefied_reach", self.liquefied_reach, 0.3, 10.0, "of the way to the crest")
-        _check("density", self.density, 1000.0, 3500.0, "kg/m3; is it in t/m3 or kN/m3?")
+        _check("density", self.density, 1000.0, 3500.0, "kg/m³; is it in t/m³ or kN/m³?")
         _check("fill_friction_deg", self.fill_friction_deg, 15.0, 50.0, "degrees")
         return self
 

@@ -36,13 +36,32 @@ DENSITIES = 800.0, 3500.0
 VERTICALS = 400
 #: A liquefied layer has four rows of points or more; with fewer than this it is said. Six are well.
 ROWS, FEWEST_ROWS, GOOD_ROWS = 4.0, 3.5, 6.0
+#: Field of the spacing, which what is thin is about.
+SPACING = ("scene", "spacing")
 #: The thickness of a layer is that which so many percent of it have at most: necks count.
 SHARE = 40.0
 
 
-def doubts(scene: Scene) -> list[str]:
+class Doubt(str):
+    """A line on what is hardly meant.
+
+    Attributes:
+        field: part of the case, keys and numbers that lead to what it is about; empty: no field.
+    """
+
+    __slots__ = ("field",)
+    field: tuple[str | int, ...]
+
+    def __new__(cls, words: str, *field: str | int) -> Doubt:
+        """A line on a field."""
+        found = super().__new__(cls, words)
+        found.field = field
+        return found
+
+
+def doubts(scene: Scene) -> list[Doubt]:
     """Lines on what is hardly meant; empty: nothing."""
-    return [*_size(scene), *_soils(scene), *_shape(scene)]
+    return [*_size(scene), *soil_doubts(scene), *_shape(scene)]
 
 
 def far_runouts(scene: Scene, runouts: Iterable[float]) -> list[str]:
@@ -58,19 +77,21 @@ def far_runouts(scene: Scene, runouts: Iterable[float]) -> list[str]:
     return lines
 
 
-def far_feet(scene: Scene, feet: Mapping[Side, float]) -> list[str]:
+def far_feet(scene: Scene, feet: Mapping[Side, float]) -> list[Doubt]:
     """Lines on stated feet, side -> x [m], from which no runout of the section is counted."""
     low, high = scene.extent
     room = max(FOOT * (high - low), 2.0 * scene.spacing)
     return [
-        f"initial.toe_{side}_x_m is {x:g} m, and the foot of the section there is at x = "
-        f"{scene.foot(side):g} m; runouts count from the former"
+        Doubt(
+            f"the {side} foot was surveyed at x = {x:g} m (initial.toe_{side}_x_m), and that of "
+            f"the section is at x = {scene.foot(side):g} m; runouts count from the former"
+        )
         for side, x in feet.items()
         if abs(x - scene.foot(side)) > room
     ]
 
 
-def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
+def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[Doubt]:
     """Lines on liquefied layers of few rows of points, in which S_r comes out too low.
 
     Args:
@@ -78,9 +99,12 @@ def thin_layers(scene: Scene, fewest: float = FEWEST_ROWS) -> list[str]:
         fewest: rows with which nothing is said.
     """
     return [
-        f"few points: what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m thick, "
-        f"{thick / scene.spacing:.2g} rows of points; with fewer than {ROWS:g} S_r comes out too "
-        f"low; {GOOD_ROWS:g} rows: spacing {thick / GOOD_ROWS:.3g}"
+        Doubt(
+            f"few points: what liquefied from x = {left:.4g} to {right:.4g} m is {thick:.3g} m "
+            f"thick, {thick / scene.spacing:.2g} rows of points; with fewer than {ROWS:g} S_r "
+            f"comes out too low; {GOOD_ROWS:g} rows: spacing {thick / GOOD_ROWS:.3g}",
+            *SPACING,
+        )
         for left, right, thick in _liquefied_layers(scene)
         if thick / scene.spacing < fewest
     ]
@@ -111,49 +135,54 @@ def _thickest(cuts: np.ndarray) -> np.ndarray:
     return longest
 
 
-def _size(scene: Scene) -> Iterator[str]:
+def _size(scene: Scene) -> Iterator[Doubt]:
     x = [x for zone in scene.zones for x, _ in zone.polygon]
     low, high = scene.extent
     long, tall = max(x) - min(x), high - low
     if not HEIGHTS[0] <= tall <= HEIGHTS[1]:
-        yield f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)?"
+        yield Doubt(f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)?")
     elif tall > SLENDER * long:
         degrees = " or is x in degrees" if long < DEGREES else ""
-        yield (
+        yield Doubt(
             f"the section is {tall:.3g} m high and {long:.3g} m long; are x and y "
             f"exchanged{degrees}?"
         )
     elif tall < LEAST_HEIGHT:
-        yield (
+        yield Doubt(
             f"the section is {tall:.3g} m high; is the unit of the drawing right (--unit)? If so: "
             "toes are read where soil is 0.5 m high, so enlarge it, strengths by the same factor, "
             "times by its root"
         )
 
 
-def _soils(scene: Scene) -> Iterator[str]:
+def soil_doubts(scene: Scene) -> Iterator[Doubt]:
+    """Lines on numbers of soils that are hardly meant."""
     used = {zone.material for zone in scene.zones}
     for name, soil in scene.materials.items():
         if name not in used:
             continue
         if soil.cohesion_kpa > STRONGEST_KPA:
-            yield f"{name}: a strength of {soil.cohesion_kpa:g} kPa is that of rock; is it in Pa?"
+            words = f"a strength of {soil.cohesion_kpa:g} kPa is that of rock; is it in Pa?"
+            yield Doubt(f"{name}: {words}", "scene", "materials", name, "cohesion_kpa")
         if not DENSITIES[0] <= soil.density <= DENSITIES[1]:
-            yield f"{name}: density {soil.density:g} kg/m3; is it in lb/ft3, N/m3 or kN/m3?"
+            words = f"density {soil.density:g} kg/m³; is it in lb/ft³, N/m³ or kN/m³?"
+            yield Doubt(f"{name}: {words}", "scene", "materials", name, "density")
         if 0.0 < soil.friction_deg < SMALLEST_DEG:
-            yield f"{name}: friction_deg {soil.friction_deg:g}; is it in radians?"
+            words = f"a friction angle of {soil.friction_deg:g}°; is it in radians?"
+            yield Doubt(f"{name}: {words}", "scene", "materials", name, "friction_deg")
     if not any(scene.materials[zone.material].liquefied for zone in scene.zones):
-        yield "no zone is marked as liquefied: there is no S_r to be found"
+        yield Doubt("no zone is marked as liquefied: there is no S_r to be found")
 
 
-def _shape(scene: Scene) -> Iterator[str]:
+def _shape(scene: Scene) -> Iterator[Doubt]:
     """Bodies that do not touch, and air under soil."""
     whole = unary_union([Polygon(zone.polygon) for zone in scene.zones])
     if is_crowded(whole, scene.spacing):
         return
     bodies = getattr(whole.buffer(0.01 * scene.spacing), "geoms", [None])
     if len(bodies) > 1:
-        yield f"the section is of {len(bodies)} bodies that do not touch; is a zone missing?"
+        count = len(bodies)
+        yield Doubt(f"the section is of {count} bodies that do not touch; is a zone missing?")
     left, _, right, _ = whole.bounds
     x = np.linspace(left, right, VERTICALS + 2)[1:-1]
     cuts = on_verticals(whole, x)
@@ -162,7 +191,7 @@ def _shape(scene: Scene) -> Iterator[str]:
     under = np.flatnonzero(air > scene.spacing)
     if len(under) > 1:
         worst = under[np.argmax(air[under])]
-        yield (
+        yield Doubt(
             f"there is air under the soil from x = {x[under[0]]:.4g} to {x[under[-1]]:.4g} m, up "
             f"to {air[worst]:.3g} m; is a vertex, a zone or the ground missing, or y a depth?"
         )

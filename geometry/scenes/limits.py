@@ -32,8 +32,8 @@ def check_density(name: str, value: float) -> None:
     """
     low, high = DENSITY
     if not low <= value <= high:
-        hint = f"; {value:g} t/m3 are {1000 * value:g} kg/m3" if 0.1 <= value < 10 else ""
-        raise ValueError(f"{name} {value:g} kg/m3: allowed are {low:g} to {high:g}{hint}")
+        hint = f"; {value:g} t/m³ are {1000 * value:g} kg/m³" if 0.1 <= value < 10 else ""
+        raise ValueError(f"{name} {value:g} kg/m³: allowed are {low:g} to {high:g}{hint}")
 
 
 def extent(polygons: Iterable[Sequence[Point]]) -> tuple[float, float]:

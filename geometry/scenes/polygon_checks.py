@@ -248,8 +248,8 @@ def _below(
         buried = shape.intersection(rock)
         if buried.area > tolerance:
             message = (
-                f"zones: zone {name!r} lies below the ground by {buried.area:.3g} m2; "
-                f"allowed is {tolerance:.3g} m2"
+                f"zones: zone {name!r} lies below the ground by {buried.area:.3g} m²; "
+                f"allowed is {tolerance:.3g} m²"
             )
             yield Fault(message, (name,), _outlines(buried))
 
@@ -263,8 +263,8 @@ def _overlapping(shapes: Mapping[str, Polygon], tolerance: float) -> Iterator[Fa
             shared = shapes[first].intersection(shapes[second])
             if shared.area > tolerance:
                 message = (
-                    f"zones: zones {first!r} and {second!r} overlap by {shared.area:.3g} m2; "
-                    f"allowed is {tolerance:.3g} m2"
+                    f"zones: zones {first!r} and {second!r} overlap by {shared.area:.3g} m²; "
+                    f"allowed is {tolerance:.3g} m²"
                 )
                 yield Fault(message, (first, second), _outlines(shared))
 

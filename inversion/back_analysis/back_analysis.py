@@ -68,6 +68,7 @@ from inversion.problem.question import Variant
 from pipeline.cli import WorkFailed
 from pipeline.manifest import manifest
 from pipeline.progress import Watch
+from pipeline.units import with_signs
 
 AFTER = "what moves the answer"
 """The stages after the answer, in the progress and the timings."""
@@ -827,7 +828,7 @@ class BackAnalysis:
     def _tell_evaluation(self, runs_before: int, evaluation: Evaluation) -> None:
         parameters, targets = self.case.parameters, self.objective.targets
         values = ", ".join(
-            f"{spec.name} {value:.4g} {spec.unit}"
+            f"{spec.name} {value:.4g} {with_signs(spec.unit)}"
             for spec, value in zip(parameters.specs, evaluation.values, strict=True)
         )
         named = targets.named(evaluation.prediction.values, targets.fitted)

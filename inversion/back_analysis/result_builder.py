@@ -128,7 +128,7 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
 
 def few_points(setup: Setup) -> list[str]:
     """Lines on liquefied layers of few rows of points; of a section alone."""
-    return thin_layers(setup.scene) if isinstance(setup, SectionSetup) else []
+    return [*thin_layers(setup.scene)] if isinstance(setup, SectionSetup) else []
 
 
 def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:

@@ -50,6 +50,7 @@ from inversion.problem.question import (
 from inversion.problem.scene_changes import pool_at
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
+from pipeline.units import with_signs
 
 READ_AS = {
     RESIDUAL_STRENGTH: "one strength everywhere in its zones",
@@ -394,7 +395,7 @@ def _target(setup: AnySetup, sensitivity: Target, where: str) -> list[Changed[An
         found.append(
             Changed(
                 replace(setup, targets=replace(targets, measured=measured)),
-                f"{entry.name} {shown} {entry.unit}",
+                f"{entry.name} {shown} {with_signs(entry.unit)}",
             )
         )
     return found

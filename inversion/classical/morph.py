@@ -160,8 +160,8 @@ class Slide:
             )
         if abs(self.area_factor - 1.0) > AREA_TOLERANCE:
             raise InputError(
-                f"area of the sliding mass: {self.area_before:.4g} m2 before and "
-                f"{self.area_before / self.area_factor:.4g} m2 after; they may differ by "
+                f"area of the sliding mass: {self.area_before:.4g} m² before and "
+                f"{self.area_before / self.area_factor:.4g} m² after; they may differ by "
                 f"{100 * AREA_TOLERANCE:.0f} %: the slip surface or the profile is wrong"
             )
 

@@ -251,7 +251,7 @@ def readme_text(
         strength = f"phi {material.friction_deg:g} deg, c {material.cohesion_kpa:g} kPa"
         if material.liquefied:
             strength = f"S_r {material.cohesion_kpa:g} kPa, a first guess of what is to be found"
-        rows.append(f"| {name} | {strength}, {material.density:g} kg/m3 | {FILL_IN} | {FILL_IN} |")
+        rows.append(f"| {name} | {strength}, {material.density:g} kg/m³ | {FILL_IN} | {FILL_IN} |")
     water = "none" if scene.water_level is None else f"y = {scene.water_level:g}"
     rows.append(f"| water | {water} | {FILL_IN} | {FILL_IN} |")
     for runout in runouts:

@@ -23,6 +23,7 @@ from geometry.sides import Side
 from inversion.new_case.case_files import CaseWords, inversion_text, scene_file_text
 from inversion.new_case.make_case import new_folder, write_case
 from pipeline.files import read_text, yaml_text
+from pipeline.units import with_signs
 
 TOE, DURATION, SLOPE = "toe", "duration", "final slope"
 #: Line before the comments that end a case's file of dimensions.
@@ -97,9 +98,9 @@ def case_of_dimensions(name: str, file: str, spacing_m: float | None = None) -> 
 def distribution_words(one: Dimension) -> str:
     """A dimension's distribution in words."""
     if one.normal is None:
-        return f"{one.low:.4g} to {one.high:.4g} {one.unit}"
+        return f"{one.low:.4g} to {one.high:.4g} {with_signs(one.unit)}"
     median, std = one.normal
-    return f"{median:.4g} ± {median * std:.2g} {one.unit}"
+    return f"{median:.4g} ± {median * std:.2g} {with_signs(one.unit)}"
 
 
 def _stated_text(file: str) -> str:

@@ -47,6 +47,7 @@ from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 from pipeline.files import write_json
 from pipeline.manifest import manifest
 from pipeline.ties import ranked
+from pipeline.units import with_signs
 
 DIGITS = 5
 #: Directions in which the errors of a map count: a surface moves as a whole.
@@ -202,7 +203,7 @@ def prior_remarks(found: Inferred[CaseModel]) -> list[str]:
         if apart > DISAGREE:
             remarks.append(
                 f"{unknown.label}: the measurements and its prior disagree: "
-                f"{after.mean():.4g} ± {after.std():.2g} {unknown.unit} with the "
+                f"{after.mean():.4g} ± {after.std():.2g} {with_signs(unknown.unit)} with the "
                 f"measurements, {before.mean():.4g} ± {before.std():.2g} without, "
                 f"{apart:.1f} standard deviations of the prior apart; "
                 "one of the two, or the section, is wrong"

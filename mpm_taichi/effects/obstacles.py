@@ -54,8 +54,8 @@ EFFECT = Effect(
     source=(
         "piles in cohesive soil that flows past them take 9 S d each for every metre of depth "
         "(Broms 1964, J. Soil Mech. Found. Div. 90(2), recalled): n stems or posts of diameter d "
-        "on a square metre make f = 9 S d n, 0.5 kN/m3 for a trunk of 0.3 m on 100 m2 at 20 kPa "
-        "and 5 kN/m3 for one on 10 m2; walls, rubble and dense wood are of that size"
+        "on a square metre make f = 9 S d n, 0.5 kN/m³ for a trunk of 0.3 m on 100 m² at 20 kPa "
+        "and 5 kN/m³ for one on 10 m²; walls, rubble and dense wood are of that size"
     ),
     looks_like=(
         "a thick front that stops early and steeply beyond the old toe, while remnant, crest and "

@@ -25,7 +25,7 @@ EFFECT = Effect(
     equation="S = S_r (1 + a sqrt(t / t_1))",
     source=(
         "a layer that drains consolidates with the square root of time at first, U = 2 sqrt(c_v t "
-        "/ (pi H^2)) (Terzaghi 1943): with c_v of 0.01-0.1 m2/s of liquefied silty sand and 5 m to "
+        "/ (pi H^2)) (Terzaghi 1943): with c_v of 0.01-0.1 m²/s of liquefied silty sand and 5 m to "
         "the drain U is 7-23 % after 10 s, which of a drained strength ten times S_r is a of "
         "0.7-2; loose sand under a flood of its own water regains less"
     ),

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from report import style
+from report.numbers import unit_of
 
 HYDROGRAPH = "hydrograph.svg"
 ABOVE, LEFT, HEIGHT, FOOT = 0.3, 0.75, 1.5, 0.35
@@ -47,7 +48,9 @@ def _draw(ax: Axes, one: Mapping[str, Any], what: str) -> None:
     ax.plot(time, middle, color=style.OURS, linewidth=1.6, label="median volume")
     ax.set_xlim(time[0], last_shown(one))
     style.title(ax, f"{one['line']}: {what}")
-    style.labels(ax, "time after the start of the slide (s)", f"{what} ({one[f'{what}_unit']})")
+    style.labels(
+        ax, "time after the start of the slide (s)", f"{what} ({unit_of(one[f'{what}_unit'])})"
+    )
 
 
 def last_shown(one: Mapping[str, Any]) -> float:

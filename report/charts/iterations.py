@@ -174,7 +174,8 @@ def draw_history(data: BackAnalysisData, path: Path) -> Path:
         simulated.axhspan(*ends, color=COLOURS[number], alpha=0.1, linewidth=0, zorder=0)
     style.title(simulated, "Simulated; line and band: measured, with its range")
     names = [
-        f"{m.name}: {fixed(m.predicted)}, measured {'< ' * m.censored}{m.measured:g} {m.unit}"
+        f"{m.name}: {fixed(m.predicted)}, measured {'< ' * m.censored}"
+        f"{with_unit(f'{m.measured:g}', m.unit)}"
         for m in fitted
     ]
     _end_labels(simulated, [m.predicted for m in fitted], names)

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from diagnosis.verdict.verdict import MeasurementVerdict
 from report import style
 from report.data.diagnosis import DiagnosisData, Series
+from report.numbers import unit_of
 from report.sentences.diagnosis import explanation
 
 ABOVE, LEFT, HEIGHT, FOOT = 0.3, 0.6, 1.75, 0.45
@@ -96,7 +97,7 @@ def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
         colour=colour if after else "#50575e",
     )
     quantity = "elevation" if series.axis == "x_m" and series.unit == "m" else "value"
-    style.labels(ax, series.axis_label, f"{quantity} ({series.unit})")
+    style.labels(ax, series.axis_label, f"{quantity} ({unit_of(series.unit)})")
 
 
 def _draw_section(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:

@@ -21,7 +21,7 @@ from geometry.case import Case
 from geometry.survey.marks import Distance, Height, Line
 from mpm_taichi.comparison import Reading, label
 from mpm_taichi.trajectory import Run
-from report.numbers import MINUS
+from report.numbers import MINUS, unit_of
 from report.pictures.colouring import colouring_of, material_colours
 from report.pictures.frame import LAYER, Overlay, draw_frame, overlays, toe_overlay, view_limits
 from report.pictures.scene import label_place
@@ -288,8 +288,8 @@ def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> N
         rows.append(
             (
                 label(reading),
-                f"{reading.below}{reading.measured:g} ± {m.std:g} {m.unit}",
-                "not read" if off is None else f"{reading.simulated:.1f} {m.unit}",
+                f"{reading.below}{reading.measured:g} ± {m.std:g} {unit_of(m.unit)}",
+                "not read" if off is None else f"{reading.simulated:.1f} {unit_of(m.unit)}",
                 "" if off is None else f"{off:+.1f}",
             )
         )

@@ -173,7 +173,8 @@ def surrogate_sentences(data: BackAnalysisData) -> list[str]:
     if found is None:
         return []
     differences = [
-        f"{m.name} {signed(found.mean_difference[m.name], 2)} ± {found.std[m.name]:.2f} {m.unit}"
+        f"{m.name} {signed(found.mean_difference[m.name], 2)} ± {found.std[m.name]:.2f} "
+        f"{unit_of(m.unit)}"
         for m in data.few_fitted(6)
         if m.name in found.mean_difference
     ]
@@ -243,7 +244,7 @@ def meaning_sentences(data: BackAnalysisData) -> list[str]:
             for one in maps
             if one.role == "fitted"
         ] + [
-            f"{m.name} {'< ' * m.censored}{m.measured:g} {m.unit} ({m.confidence})"
+            f"{m.name} {'< ' * m.censored}{m.measured:g} {unit_of(m.unit)} ({m.confidence})"
             for m in single[:6]
         ]
         more = f" and {len(single) - 6} more" if len(single) > 6 else ""
@@ -302,15 +303,15 @@ def _compare(name: str, lines: Sequence[tuple[MeasurementAnswer, float]]) -> Com
     m, value = lines[worst]
     beyond = int((np.abs(off) > FAR).sum())
     words = (
-        f"{name} measured {'< ' * m.censored}{m.measured:g} ± {m.std:.3g} {m.unit}, predicted "
-        f"{fixed(value, measured_places(m.std))} {m.unit}"
+        f"{name} measured {'< ' * m.censored}{m.measured:g} ± {m.std:.3g} {unit_of(m.unit)}, "
+        f"predicted {fixed(value, measured_places(m.std))} {unit_of(m.unit)}"
     )
     if len(lines) > 1:
         square = np.sqrt(np.mean([(value - m.measured) ** 2 for m, value in lines]))
         place = m.name.removeprefix(name).strip()
         words = (
             f"{name}, {beyond} of {len(lines)} values off by more than {FAR:g} standard "
-            f"deviations, root mean square {square:.1f} {m.unit}, worst {place}"
+            f"deviations, root mean square {square:.1f} {unit_of(m.unit)}, worst {place}"
         )
     return Compared(name, m.role, beyond > FAR_SHARE * len(lines), float(off[worst]), words)
 

@@ -306,9 +306,9 @@ def _series_table(one: Series) -> Table:
     given = "constructed" if one.role == "constructed" else "measured"
     header = [
         "where",
-        f"{given} ({first.unit})",
+        f"{given} ({unit_of(first.unit)})",
         "std",
-        f"predicted ({first.unit})",
+        f"predicted ({unit_of(first.unit)})",
         "in std",
         "role",
     ]
@@ -520,7 +520,7 @@ def equally_good_table(data: BackAnalysisData) -> Table:
     header = [
         "",
         *_columns(parameters),
-        *(f"{m.name} ({m.unit})" for m in fitted),
+        *(f"{m.name} ({unit_of(m.unit)})" for m in fitted),
         "loss",
         *_spacing(data),
         "",
@@ -570,7 +570,7 @@ def history_table(data: BackAnalysisData) -> Table:
         "iteration",
         "what",
         *_columns(parameters),
-        *(f"{m.name} ({m.unit})" for m in fitted),
+        *(f"{m.name} ({unit_of(m.unit)})" for m in fitted),
         "loss",
         *_spacing(data),
         "simulations so far",

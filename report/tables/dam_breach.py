@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from report.numbers import fixed
+from report.numbers import fixed, unit_of
 from report.table import Table
 
 NOT_HERE = "not given"
@@ -45,7 +45,7 @@ def _strengths(document: Document) -> str:
 def _told(document: Document, *kinds: str) -> str:
     """Median and 5 to 95 % of the quantities whose names begin so."""
     found = [
-        f"{one['name']} {fixed(one['quantiles']['50'])} {one['unit']} "
+        f"{one['name']} {fixed(one['quantiles']['50'])} {unit_of(one['unit'])} "
         f"({fixed(one['quantiles']['5'])} to {fixed(one['quantiles']['95'])})"
         for one in document["quantities"]
         if one["name"].startswith(kinds)
@@ -85,7 +85,7 @@ def _area(document: Document) -> str:
     if not found:
         return f"{NOT_HERE} of a section; of a scene3d.yaml maps with probabilities"
     return "; ".join(
-        f"thicker than {one['thicker_than_m']:g} m: {one['area_m2']['50']:.0f} m2 with at least "
+        f"thicker than {one['thicker_than_m']:g} m: {one['area_m2']['50']:.0f} m² with at least "
         "50 %, maps in exceedance.png and GeoTIFFs"
         for one in found
     )

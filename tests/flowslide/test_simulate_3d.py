@@ -135,7 +135,7 @@ def test_the_example_of_the_page_holds_its_tailings_behind_its_dam(root, tmp_pat
     assert drawn_volume(scene) == pytest.approx(integral, rel=0.0005)
     main(["check", str(tmp_path)])
     apart = 100.0 * (problem.volume.sum() / drawn_volume(scene) - 1.0)
-    assert f"m3 between the rasters; the points hold {apart:+.1f} %" in capsys.readouterr().out
+    assert f"m³ between the rasters; the points hold {apart:+.1f} %" in capsys.readouterr().out
 
 
 def test_a_slide_on_rasters_stops_at_the_wall_and_says_so(tmp_path):

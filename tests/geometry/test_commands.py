@@ -160,4 +160,4 @@ def test_check_says_what_is_too_thin_to_be_held(tmp_path, capsys, make_scene):
     berm = [(-50, 0), (0, 0), (3, 2), (-4, 2), (-6, 0.2), (-50, 0.2)]
     save_scene(make_scene([berm], spacing=0.5), tmp_path / "scene.yaml")
     main(["check", str(tmp_path / "scene.yaml")])
-    assert "m2 of soil are thinner than half a spacing" in capsys.readouterr().out
+    assert "m² of soil are thinner than half a spacing" in capsys.readouterr().out

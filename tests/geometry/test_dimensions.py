@@ -175,7 +175,7 @@ def test_every_section_of_a_family_holds_together(scores, thick):
         ({"base_width_m": 100, "other_slope_h_per_v": 2}, "give one of them"),
         ({"base_width_m": 50}, "leaves no room for crest and faces"),
         ({"slid_face": "dry", "pool_m": 5}, "pool_m: there is none"),
-        ({"density": 1.9}, "density: 1.9: allowed are 1000 to 3500 kg/m3; is it in t/m3"),
+        ({"density": 1.9}, "density: 1.9: allowed are 1000 to 3500 kg/m³; is it in t/m³"),
         ({"final_slope_h_per_v": 0.3}, "final_slope_h_per_v: 0.3: allowed are 1 to 200"),
         ({"runout_m": None}, "give runout_m, duration_s or final_slope_h_per_v"),
     ],

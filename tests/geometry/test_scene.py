@@ -64,8 +64,8 @@ def changed(document: dict, path: str, value) -> dict:
         ("zones.0.polygon", [[10, 2], [20, 2]], "zones.0.polygon"),
         ("zones.0.polygon", [[10, 2], [20, 12], [20, 2], [10, 12]], "not a simple polygon"),
         ("zones.0.polygon", [[10, 2], [20, 2], [20, 2.3], [10, 2.3]], "is a sliver"),
-        ("zones.0.polygon", [[10, 2], [21, 2], [21, 12], [10, 12]], "overlap by 10 m2"),
-        ("zones.0.polygon", [[10, 1], [20, 1], [20, 12], [10, 12]], "below the ground by 10 m2"),
+        ("zones.0.polygon", [[10, 2], [21, 2], [21, 12], [10, 12]], "overlap by 10 m²"),
+        ("zones.0.polygon", [[10, 1], [20, 1], [20, 12], [10, 12]], "below the ground by 10 m²"),
         ("zones.0.polygon", [[-1, 2], [20, 2], [20, 12], [10, 12]], "outside the domain"),
         ("zones.0.polygon", [[10, 2], [20, 2], [20, 40], [10, 40]], "outside the domain"),
         ("domain.x_max", -5.0, "must be greater than x_min"),
@@ -90,10 +90,10 @@ def changed(document: dict, path: str, value) -> dict:
         (
             "materials.sand.density",
             1.8,
-            "density 1.8 kg/m3: allowed are 100 to 1e+08; 1.8 t/m3",
+            "density 1.8 kg/m³: allowed are 100 to 1e+08; 1.8 t/m³",
         ),
-        ("materials.sand.density", 1.8e9, "density 1.8e+09 kg/m3: allowed are 100 to 1e+08"),
-        ("materials.sand.saturated_density", 2e9, "saturated_density 2e+09 kg/m3: allowed are 100"),
+        ("materials.sand.density", 1.8e9, "density 1.8e+09 kg/m³: allowed are 100 to 1e+08"),
+        ("materials.sand.saturated_density", 2e9, "saturated_density 2e+09 kg/m³: allowed are 100"),
     ],
 )
 def test_refusals_name_the_field_and_the_remedy(document, path, value, words):

@@ -128,6 +128,6 @@ def test_a_foot_far_from_the_section_and_a_negative_runout_are_doubted():
     foot = scene.foot("left")
     assert far_feet(scene, {"left": foot + 0.5}) == []
     (line,) = far_feet(scene, {"left": foot - 34.0, "right": scene.foot("right")})
-    assert line.startswith(f"initial.toe_left_x_m is {foot - 34.0:g} m")
+    assert line.startswith(f"the left foot was surveyed at x = {foot - 34.0:g} m")
     (line,) = far_runouts(scene, [12.0, -34.0])
     assert "outward" in line

@@ -29,7 +29,7 @@ def test_the_shipped_questions_hold_together(root, name):
         (
             "property: residual_strength_kpa",
             "property: density",
-            "residual_strength_1: low 5 kg/m3: allowed are 100 to 1e+08",
+            "residual_strength_1: low 5 kg/m³: allowed are 100 to 1e+08",
         ),
         ("start: 30, low: 5", "start: 3, low: 5", "start 3 lies outside low 5 to high 90"),
         ("low: 5,", "low: 0,", "low 0 must be greater than 0"),

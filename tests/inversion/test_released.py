@@ -188,7 +188,7 @@ def test_the_items_of_a_breach_study_are_numbered_and_own_up():
     table = dam_breach_table(document())
     assert [row[0] for row in table.rows] == [str(n) for n in range(1, 13)]
     answers = dict(row[1:] for row in table.rows)
-    assert answers["released volume, with its interval"] == "released volume 3.0 m3/m (1.0 to 5.0)"
+    assert answers["released volume, with its interval"] == "released volume 3.0 m³/m (1.0 to 5.0)"
     assert unanswered(document()) == [6, 8, 9, 10, 11, 12]
     deposit_alone = document()
     deposit_alone["quantities"] = deposit_alone["quantities"][:1]

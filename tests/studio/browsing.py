@@ -21,7 +21,6 @@ NEEDS_CHROMIUM = [
     pytest.mark.skipif(
         CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
     ),
-    pytest.mark.flaky(reruns=1),  # a browser on a busy machine; the summary names who had to
 ]
 
 
@@ -35,7 +34,24 @@ def needs_chromium(test):
 def watched(browser, *, width: int = 1280, height: int = 800):
     """A page in a window of its own; its `errors` are those of its scripts and its console."""
     context = browser.new_context(viewport={"width": width, "height": height})
+    context.writing = set()
+    context.on("request", lambda one: one.method != "GET" and context.writing.add(one))
+    for ended in ("requestfinished", "requestfailed"):
+        context.on(ended, lambda one: context.writing.discard(one))
     return tab(context)
+
+
+def close_pages(browser) -> None:
+    """Close all pages, once nothing of theirs is being written or is still to be written."""
+    for context in browser.contexts:
+        for page in context.pages:
+            page.wait_for_selector("body:not([data-saving])", state="attached", timeout=20_000)
+        for page in context.pages[:1]:
+            for _ in range(100):  # what has outlived its page may never be said to have ended
+                if not getattr(context, "writing", None):
+                    break
+                page.wait_for_timeout(50)
+        context.close()
 
 
 def tab(context):

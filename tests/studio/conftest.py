@@ -5,11 +5,16 @@ from __future__ import annotations
 import shutil
 import textwrap
 from itertools import count
+from typing import TYPE_CHECKING
 
 import pytest
 
 from benchmarks.studio import CHROMIUM, QUIET, serving
 from flowslide.studio.workspace import Workspace
+from tests.studio.browsing import answered, close_pages, watched
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 SCENE = """
 name: small
@@ -43,6 +48,8 @@ parameters:
 loss: misfit
 """
 WRITTEN = count()
+RUNNING: list[Browser] = []
+"""Browsers that may have pages of the case open."""
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +63,8 @@ def workspace(cases):
     """The small case, as it was drawn, and nothing else."""
     write_small(cases)
     yield Workspace(cases)
+    for browser in RUNNING:  # whichever of the two a test names first
+        close_pages(browser)
     empty(cases)
 
 
@@ -91,7 +100,9 @@ def chromium():
 
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        RUNNING.append(found)
         yield found
+        RUNNING.remove(found)
         found.close()
 
 
@@ -99,18 +110,12 @@ def chromium():
 def browser(chromium):
     """A browser without a window; the pages of a test are closed once all is saved."""
     yield chromium
-    for context in chromium.contexts:
-        for page in context.pages:
-            page.wait_for_selector("body:not([data-saving])", state="attached", timeout=20_000)
-        context.close()
+    close_pages(chromium)
 
 
 @pytest.fixture
 def page(address, browser):
     """The page once it shows its first deposit; at the end its scripts have had no error."""
-
-    from tests.studio.browsing import answered, watched
-
     found = watched(browser, width=1380, height=860)
     found.goto(address)
     answered(found, 1)

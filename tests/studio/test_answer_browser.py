@@ -218,6 +218,22 @@ def test_a_part_of_what_was_found_together_is_seen_as_a_part(workspace, with_sha
     expect(job.get_by_role("button", name="Keep it")).to_have_count(0)
 
 
+@pytest.fixture
+def with_softening(workspace):
+    """The case has what the diagnosis tried alone."""
+    path = workspace.folder / "small" / "scene.yaml"
+    path.write_text(path.read_text() + "effects: {strain_softening: 0.5}\n")
+
+
+def test_an_effect_of_the_case_is_not_said_to_be_tried_alone(workspace, with_softening, page):
+    _diagnosed(workspace)
+    effects = page.get_by_role("list", name="effects").get_by_role("listitem")
+    row = effects.filter(has_text="strain softening")
+    expect(row).to_have_text("strain softening 0.5, in the case", timeout=WAIT_MS)
+    expect(row.get_by_role("switch")).to_have_attribute("aria-checked", "true")
+    expect(effects.filter(has_text="base tilt")).to_contain_text("tried alone")
+
+
 def until(holds) -> None:
     """Wait for what the server does on its own."""
     for _ in range(200):

@@ -115,7 +115,7 @@ def test_an_embankment_is_drawn_surveyed_and_answered(address, browser, workspac
     for name, friction, cohesion in (("dense sand", 34, 1), ("fill", 33, 2)):
         typed(page, f"friction of {name} [deg]", friction)
         typed(page, f"cohesion of {name} [kPa]", cohesion)
-        typed(page, f"density of {name} [kg/m3]", 1900)
+        typed(page, f"density of {name} [kg/m³]", 1900)
     typed(page, "pool level [m]", 3)
     chosen(page, "pool on", "both")
     typed(page, "spacing [m]", 0.5)
@@ -388,6 +388,8 @@ def test_a_shipped_case_is_copied_and_a_drawing_is_imported(address, browser, wo
         ("12.5, 3.2\n13.5 3", "12.5,3.2\n13.5,3\n"),
         ("12,5 3,2\n13,5 3,0", "12.5,3.2\n13.5,3\n"),
         ("1\t12.5\t3.2", None),
+        ("No\tStation (m)\tElevation (m)\n1\t30\t0,5\n2\t45\t2", "30,0.5\n45,2\n"),
+        ("x_m,y_m\n30,0.5\n45\t2,5\n", "30,0.5\n45,2.5\n"),
         ("12,5 3\n13 3", None),
     ],
 )

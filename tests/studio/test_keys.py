@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+from itertools import pairwise
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -70,6 +71,32 @@ def test_a_slider_that_is_dragged_shows_deposits_on_its_way(page):
     page.mouse.up()
     page.wait_for_function(IDLE, timeout=20_000)
     assert on_the_way >= 3
+
+
+def test_a_dragged_slider_leaves_the_solver_its_time(page):
+    """Ten questions a second are smooth; each of them takes some of the time of a deposit."""
+    page.wait_for_function(IDLE, timeout=20_000)
+    page.evaluate(
+        """() => {
+          window.sent_ = [];
+          const { send } = WebSocket.prototype;
+          WebSocket.prototype.send = function (text) {
+            window.sent_.push(performance.now());
+            send.call(this, text);
+          };
+        }"""
+    )
+    box = page.locator("#sliders input[type=range]").first.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 5)
+    page.mouse.down()
+    for step in range(100):
+        page.mouse.move(box["x"] + (0.3 + 0.004 * step) * box["width"], box["y"] + 5)
+        page.wait_for_timeout(15)
+    page.mouse.up()
+    page.wait_for_function(IDLE, timeout=20_000)
+    sent = page.evaluate("window.sent_")
+    assert len(sent) > 5
+    assert min(after - before for before, after in pairwise(sent)) > 80.0
 
 
 def test_numbers_are_typed_from_field_to_field(page, workspace):
@@ -141,6 +168,22 @@ def test_a_measurement_is_chosen_by_words_with_blanks_and_asks_for_its_place(pag
     page.keyboard.press("Tab")
     expect(page.locator("#survey-left .wrong")).to_have_count(0, timeout=WAIT_MS)
     expect(place).to_be_visible()
+
+
+@pytest.mark.parametrize(
+    ("letters", "found"),
+    [("toe ran", "toe runout"), ("TOE RUN", "toe runout"), ("toe in", "toe history"),
+     ("h", "toe runout"), ("hh", "slide duration"), ("mud", None)],
+)  # fmt: skip
+def test_a_measurement_is_chosen_by_any_of_its_words(page, workspace, letters, found):
+    section = page.locator('[data-mode="survey"]').first
+    section.click()
+    page.get_by_label("add a measurement").focus()
+    page.keyboard.type(letters)
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    names = [one["name"] for one in stored(page, workspace)["measurements"]["sets"]["field"]]
+    assert names == ["toe", *([found] if found else [])]
 
 
 def test_a_renamed_material_keeps_the_place_of_the_cursor(page, workspace):
@@ -262,10 +305,37 @@ def test_what_is_hardly_meant_is_said_and_refuses_nothing(page, workspace):
     typed(page, f"friction of {name.replace('_', ' ')} [deg]", str(radians))
     expect(page.locator("#status")).to_have_text("saved", timeout=WAIT_MS)
     expect(page.locator("#section-right .doubt")).to_have_text(
-        f"Doubtful: {name}: friction_deg {radians:g}; is it in radians?"
+        f"Doubtful: {name}: a friction angle of {radians:g}°; is it in radians?"
     )
     page.locator("#undo").click()
     expect(page.locator("#section-right .doubt")).to_have_count(0)
+
+
+def test_a_strength_of_rock_is_doubted_at_its_field_and_at_its_slider(page, workspace):
+    section(page)
+    page.locator('[data-key="material-firm"] > summary').click()
+    typed(page, "cohesion of firm [kPa]", "1e9")
+    words = "a strength of 1e+09 kPa is that of rock; is it in Pa?"
+    field = page.locator("#section-left .field").filter(has=page.get_by_label("cohesion of firm"))
+    expect(field.locator(".doubt")).to_have_text(words, timeout=WAIT_MS)
+    assert field.locator("[aria-invalid]").count() == 0, "it refuses nothing"
+    page.locator('[data-key="material-firm"] > summary').click()
+    page.get_by_role("button", name=f"Doubtful: firm: {words}").click()  # leads to the field
+    expect(page.get_by_label("cohesion of firm [kPa]")).to_be_focused()
+    typed(page, "cohesion of firm [kPa]", "1")
+    expect(page.locator(".doubt:visible")).to_have_count(0, timeout=WAIT_MS)
+
+    page.get_by_role("tab", name="Slide").click()
+    strength = page.get_by_label("S_r, loose [kPa]")
+    strength.click(click_count=3)
+    page.keyboard.type("1e9")
+    page.keyboard.press("Enter")
+    slider = page.locator(".slider").filter(has=strength)
+    expect(slider.locator(".doubt")).to_have_text(words, timeout=WAIT_MS)
+    strength.click(click_count=3)
+    page.keyboard.type("8")
+    page.keyboard.press("Enter")
+    expect(slider.locator(".doubt")).to_have_count(0, timeout=WAIT_MS)
 
 
 def colours_at(page: Page, x: float, y: float) -> list[list[int]]:

@@ -54,7 +54,7 @@ def focused(page: Page) -> str:
 
 def test_a_number_in_another_unit_is_converted_and_shown(page, workspace):
     page.locator("summary", has_text="firm").click()
-    typed(page, "density of firm [kg/m3]", "120 pcf")
+    typed(page, "density of firm [kg/m³]", "120 pcf")
     typed(page, "cohesion of firm [kPa]", "250 psf")
     typed(page, "friction of firm [deg]", "33,5")
     soil = saved(page, workspace, "scene", "materials", "firm")
@@ -62,9 +62,9 @@ def test_a_number_in_another_unit_is_converted_and_shown(page, workspace):
     assert soil["cohesion_kpa"] == pytest.approx(250 * 0.04788026, rel=1e-5)
     assert soil["friction_deg"] == 33.5
     told = page.locator(".converted:visible")
-    assert told.all_inner_texts() == ["250 psf = 11.9701 kPa", "120 pcf = 1922.22 kg/m3"]
+    assert told.all_inner_texts() == ["250 psf = 11.9701 kPa", "120 pcf = 1922.22 kg/m³"]
     typed(page, "cohesion of firm [kPa]", "3")
-    expect(told).to_have_text(["120 pcf = 1922.22 kg/m3"])
+    expect(told).to_have_text(["120 pcf = 1922.22 kg/m³"])
     page.keyboard.press("3")  # no short cut where somebody has just typed
     assert page.evaluate("document.body.dataset.mode") == "section"
 
@@ -141,14 +141,26 @@ def test_a_block_goes_over_the_vertices_and_beyond(page, workspace):
     zones = saved(page, workspace, "scene", "zones")
     assert zones[2]["polygon"] == [[70, 0], [91.44, 0], [70.104, 9.906], [70.104, 8.077]]
     assert zones[1]["polygon"][2] == [70.104, 9.906]
+    page.keyboard.press("Control+z")  # nothing has been typed in the cell: it takes the paste back
+    assert saved(page, workspace, "scene", "zones") == before
+    expect(page.get_by_label("x of vertex 2 [m]")).to_have_value("90")
+    page.get_by_label("x of vertex 2 [m]").click(click_count=3)
+    page.keyboard.type("12")
+    page.keyboard.press("Control+z")  # what is typed has an undo of its own
     page.keyboard.press("Control+z")
-    page.locator("#undo").click()
+    page.keyboard.press("Escape")
+    page.keyboard.press("Tab")
+    assert saved(page, workspace, "scene", "zones") == before
+
+    paste(page, "x of vertex 1 [m]", "No\tChainage (m)\tElevation (m)\n1\t71\t0\n2\t91\t0,5")
+    assert saved(page, workspace, "scene", "zones")[2]["polygon"][:2] == [[71, 0], [91, 0.5]]
+    page.keyboard.press("Control+z")
     assert saved(page, workspace, "scene", "zones") == before
 
     for block, said in (
         ("1\t2\n3\tx", "not pasted: “x” is no number"),
         ("1\t2\t3\n1\t2\t3", "not pasted: 3 columns, where 2 fit"),
-        ("1\t2\n3", "not pasted: row 2 (3) has 1 numbers, the first one 2"),
+        ("1\t2\n3", "not pasted: row 2 (3) has 1 number, the first one 2"),
         ("1\n2\n3\n4", "not pasted: 4 rows, where 3 vertices are from here on"),
     ):
         paste(page, "x of vertex 1 [m]", block)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from flowslide.command_line import main
 from flowslide.studio.case_documents import proposed_question, read_documents
 from flowslide.studio.jobs import Jobs
 from flowslide.studio.whole_files import append_line
@@ -17,6 +19,28 @@ from flowslide.studio.workspace import NotKept
 from geometry.case import load_case
 from pipeline.cli import InputError
 from pipeline.files import read_yaml
+
+
+def test_what_check_doubts_is_doubted_by_the_studio(workspace, capsys):
+    """Soil, runout, foot, gap, thin layer: line by line."""
+    folder = workspace.folder / "small"
+    scene = (folder / "scene.yaml").read_text()
+    changed = scene.replace("cohesion_kpa: 1.0", "cohesion_kpa: 2.0e+9").replace(
+        "[70.0, 10.0], [60.0, 10.0]", "[69.7, 10.0], [60.0, 10.0]"
+    )
+    changed = changed.replace("spacing: 1.0", "spacing: 2.0")
+    (folder / "scene.yaml").write_text(changed)
+    survey = (folder / "measurements.yaml").read_text()
+    (folder / "measurements.yaml").write_text(
+        survey.replace("toe_left_x_m: 40.0", "toe_left_x_m: 30.0").replace("14.0", "-3.0")
+    )
+    main(["check", str(folder)])
+    printed = re.findall("doubtful: (.*)", capsys.readouterr().out)
+    doubts = workspace.read("small")["derived"]["doubts"]
+    assert [one["message"] for one in doubts] == printed and len(printed) >= 5
+    fields = [one["field"] for one in doubts]
+    assert ["materials", "firm", "cohesion_kpa"] in fields and ["spacing"] in fields
+    assert ["sets", "field", 0, "toe_runout", "value_m"] in fields
 
 
 def test_a_case_is_what_its_files_say(workspace):

@@ -55,6 +55,8 @@ export function unpack(buffer) {
 }
 
 const PACE = 130; // ms in which a question may wait for a first answer to the one before it
+/** Least time [ms] between questions: bands follow the mouse smoothly, and more of them would take the solver's time. */
+const APART = 100;
 
 /** The sliders' socket; it connects again by itself, at once where somebody comes back to the page. `on` has deposit, forecast, failed and connected. */
 export class Sliders {
@@ -117,13 +119,18 @@ export class Sliders {
     if (!this.isOpen || !this.waiting) return;
     clearTimeout(this.pacing);
     this.sent = this.number;
+    this.sentAt = performance.now();
     this.socket.send(this.waiting);
-    this.pacing = setTimeout(() => this.answered(this.sent), PACE);
+    this.pacing = setTimeout(() => this.next(), PACE);
   }
 
   answered(id) {
     if (!this.pacing || id !== this.sent) return;
     clearTimeout(this.pacing);
+    this.pacing = setTimeout(() => this.next(), Math.max(this.sentAt + APART - performance.now(), 0));
+  }
+
+  next() {
     this.pacing = 0;
     if (this.number !== this.sent) this.post();
   }

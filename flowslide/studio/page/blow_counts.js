@@ -1,6 +1,6 @@
 // Blow counts of what liquefied, zone by zone: what published relations make strengths of.
 
-import { placeOf, wrongAt } from "./faults.js";
+import { fieldAt } from "./faults.js";
 import { el, field } from "./ui.js";
 
 const KINDS = { n1_60cs: "N1,60cs, of clean sand", n1_60: "N1,60" };
@@ -16,8 +16,7 @@ export function blowCounts(page) {
   if (!names.length) return [];
   const kind = layers.length && layers.every((one) => one.n1_60cs === undefined) ? "n1_60" : "n1_60cs";
   const at = (number, key) => {
-    const place = number < 0 ? "" : placeOf("blow_counts", "layers", number, key);
-    return { place, wrong: wrongAt(page.faults, place) };
+    return number < 0 ? {} : fieldAt(page, "blow_counts", "layers", number, key);
   };
   const sources = [...new Set(layers.map(({ source }) => source ?? ""))];
   const edit = (what, change) => page.documents.edit(what, (documents) => {

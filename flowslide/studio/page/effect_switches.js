@@ -39,7 +39,7 @@ export function switches(job, state, slide) {
     knob.addEventListener("click", () => turn(one, knob.getAttribute("aria-checked") !== "true"));
     knob.effect = one;
     return el("div", { role: "listitem" }, knob, el("span", { title: one.words },
-      el("b", { textContent: plain(one.name) }), ` ${one.told}${one.how === "named" ? "" : `, ${one.how}`}${canBeShown(one, state) ? "" : ": not in the picture"}`));
+      el("b", { textContent: plain(one.name) }), ` ${one.told}`, el("span", { className: "how" }), canBeShown(one, state) ? "" : ": not in the picture"));
   });
   const told = el("output", { className: "note seen" });
   told.effects = each;
@@ -59,6 +59,8 @@ export function tellSwitches(part, state) {
     knob.title = !canBeShown(one, state) ? "another section, soil or survey: it is no effect that the picture can switch"
       : isOfCase(one, state) ? "the case has it: undo takes out what was kept" : "";
     knob.disabled = Boolean(knob.title);
+    const how = isOfCase(one, state) ? "in the case" : one.how === "named" ? "" : one.how;
+    knob.parentElement.querySelector(".how").textContent = how && `, ${how}`;
   }
   const strengths = Object.values(state.changes?.strengths_kpa ?? {});
   for (const told of part.querySelectorAll(".seen")) {

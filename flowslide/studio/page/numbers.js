@@ -16,7 +16,7 @@ const plain = (unit) => {
 /** How many of `unit` one of `other` is; null: it is no unit of that kind. */
 function factor(other, unit) {
   const known = Object.entries({ ...units[unit], [unit]: 1 });
-  const found = known.find(([name]) => name.toLowerCase() === plain(other).toLowerCase());
+  const found = known.find(([name]) => plain(name).toLowerCase() === plain(other).toLowerCase());
   return found ? found[1] : null;
 }
 
@@ -94,7 +94,19 @@ function unitIn(title) {
   const [, inside] = /[[(]([^\])]+)[\])]\s*$/.exec(title) ?? /_([a-z]+)$/i.exec(title) ?? [];
   if (inside) return inside;
   const known = Object.values(units).flatMap((one) => Object.keys(one));
-  return known.includes(plain(title)) ? title : "";
+  return known.map(plain).includes(plain(title)) ? title : "";
+}
+
+/** Titles of the two columns of a place. */
+const TITLES = [/^(x|station|chainage|distance|offset)\b|^x_/i, /^(y|z|elevation|elev|level|height)\b|^[yz]_/i];
+
+/** A block of places without its other columns, such as the number of a point, where titles say which are x and y. */
+export function placesIn(block) {
+  const { titles } = titled(block);
+  const named = titles.map((row) => TITLES.map((one) => row.flatMap((title, k) => (one.test(title.trim()) ? [k] : []))))
+    .find((found) => found.every(({ length }) => length === 1));
+  const columns = named?.flat();
+  return columns ? block.map((row) => (row.length > 2 ? columns.map((k) => row[k] ?? "") : row)) : block;
 }
 
 /**
@@ -102,11 +114,12 @@ function unitIn(title) {
  *
  * `wanted` are the units; a block that has more columns, or rows of different length, is refused.
  */
-export function numbersOf(block, wanted) {
+export function numbersOf(whole, wanted) {
+  const block = wanted.length === 2 ? placesIn(whole) : whole;
   const { rows, given } = titled(block);
   const meant = commas(rows.flat());
   return rows.map((row, i) => {
-    if (row.length !== rows[0].length) throw new Error(`row ${i + 1} (${row.join(" | ")}) has ${row.length} numbers, the first one ${rows[0].length}`);
+    if (row.length !== rows[0].length) throw new Error(`row ${i + 1} (${row.join(" | ")}) has ${row.length} ${row.length === 1 ? "number" : "numbers"}, the first one ${rows[0].length}`);
     if (row.length > wanted.length) throw new Error(`${row.length} columns, where ${wanted.length} fit`);
     return row.map((cell, k) => {
       const bare = given[k] && !/[^\d\s.,e+−-]/i.test(cell); // the title has the unit

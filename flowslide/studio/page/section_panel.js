@@ -1,6 +1,6 @@
 // The section in tables: zones, materials, base, water, spacing, the picture to draw on; faults and vertices.
 
-import { faultList, placeOf, wrongAt } from "./faults.js";
+import { faultList, fieldAt } from "./faults.js";
 import { renameZone } from "./question.js";
 import { area, dropUnused, lines, moveVertex, pasteVertices, removeVertex, insertVertex, rounded } from "./section.js";
 import { blockOf, numberBox, numbersOf } from "./numbers.js";
@@ -20,11 +20,7 @@ export class SectionPanel {
 
   get scene() { return this.page.documents.now.scene; }
 
-  /** Place of a field of the section, and what is wrong with it. */
-  at(...keys) {
-    const place = placeOf("scene", ...keys);
-    return { place, wrong: wrongAt(this.page.faults, place) };
-  }
+  at(...keys) { return fieldAt(this.page, "scene", ...keys); }
 
   edit(what, change) { this.page.documents.edit(what, ({ scene }) => change(scene)); }
 

@@ -1,11 +1,12 @@
 // The slide: sliders for strengths, pool and effects, the deposit that follows, its readings and its film.
 
 import { Sliders } from "./api.js";
+import { placeOf, saidAt } from "./faults.js";
 import { frameAt, timeAt } from "./film_times.js";
 import { numberBox } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { area, ownMaterials } from "./section.js";
-import { onChosen } from "./ui.js";
+import { el, onChosen } from "./ui.js";
 import { waterTableAt } from "./water.js";
 
 const $ = (id) => document.getElementById(id);
@@ -85,10 +86,10 @@ export function makeSlide({ state, view, documents, say, reopen }) {
       if (soil.liquefied || soil.friction_deg === 0) {
         const label = soil.liquefied ? `S_r, ${words}` : `strength, ${words}`;
         return slider(label, "kPa", strengths[name] ?? soil.cohesion_kpa, 0, nice(3 * Math.max(soil.cohesion_kpa, 10)), 0.1,
-          (value) => { state.changes.strengths_kpa[name] = value; });
+          (value) => { state.changes.strengths_kpa[name] = value; }, placeOf("scene", "materials", name, "cohesion_kpa"));
       }
       return slider(`friction, ${words}`, "deg", frictions[name] ?? soil.friction_deg, 15, 50, 0.5,
-        (value) => { state.changes.friction_deg[name] = value; });
+        (value) => { state.changes.friction_deg[name] = value; }, placeOf("scene", "materials", name, "friction_deg"));
     });
     const top = Math.max(...scene.zones.flatMap((zone) => zone.polygon.map(([, y]) => y)));
     const low = Math.min(...scene.ground.points.map(([, y]) => y));
@@ -104,10 +105,12 @@ export function makeSlide({ state, view, documents, say, reopen }) {
 
   let made = 0;
 
-  function slider(words, unit, value, low, high, step, set) {
+  /** `place` is that of the field in the case that the slider stands for. */
+  function slider(words, unit, value, low, high, step, set, place = "") {
     const id = `slider-${made += 1}`;
     const row = document.createElement("div");
     row.className = "slider";
+    row.dataset.place = place;
     const label = document.createElement("label");
     label.htmlFor = id;
     const number = document.createElement("input");
@@ -268,6 +271,15 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     });
   }
 
+  /** At the sliders: what of the values that were simulated is hardly meant. */
+  function tellDoubts(doubts) {
+    for (const row of $("sliders").children) {
+      row.querySelector(".doubt")?.remove();
+      const doubt = saidAt(doubts, row.dataset.place);
+      if (doubt) row.append(el("p", { className: "doubt", textContent: doubt }));
+    }
+  }
+
   /** What a learned model says, as a band over what is still seen of the values before. */
   function showForecast(found) {
     if (state.mode === "section" || !waits || found.header.id < (view.forecast?.header.id ?? 0)) return;
@@ -299,6 +311,7 @@ export function makeSlide({ state, view, documents, say, reopen }) {
     Object.assign($("scrub"), { max: Math.max(last, 1), value: Math.max(last, 1), disabled: last === 0 });
     tell();
     readings(found.header.readings);
+    tellDoubts(found.header.doubts);
     $("misfit").textContent = misfitWords(found.header.readings);
     describe(found.header);
     view.marks = marks(found.header.readings);

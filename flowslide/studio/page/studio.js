@@ -10,7 +10,7 @@ import { SectionPanel } from "./section_panel.js";
 import { saveView } from "./saving.js";
 import { makeSlide } from "./slide.js";
 import { SurveyPanel } from "./survey_panel.js";
-import { button, el, justTyped, onChosen } from "./ui.js";
+import { button, el, isTyping, justTyped, onChosen } from "./ui.js";
 import { Underlay } from "./underlay.js";
 import { View } from "./view.js";
 import { waterWords } from "./water.js";
@@ -381,8 +381,8 @@ function fillCases(name) {
 
 function keys(event) {
   const { key, target } = event;
-  const isTyped = target.matches("input:not([type=checkbox]), textarea");
-  // A text has the browser's own undo, a slider changes no document; a list or a box has none.
+  // A text that is being typed has the browser's own undo, a slider changes no document; a list or a box has none.
+  const isTyped = target.matches("input:not([type=checkbox]), textarea") && (isTyping(target) || !target.closest("#section-left, #section-right, #survey-left, #survey-right"));
   if (!isTyped && (event.ctrlKey || event.metaKey) && /^[zy]$/i.test(key) && !document.querySelector("dialog[open]")) {
     if (key.toLowerCase() === "y" || event.shiftKey) documents.redo(); else documents.undo();
     event.preventDefault();

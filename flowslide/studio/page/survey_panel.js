@@ -1,7 +1,7 @@
 // What was measured, and what is asked of it: forms for every type of measurement, profiles by paste or file.
 
 import { blowCounts } from "./blow_counts.js";
-import { faultList, placeOf, wrongAt } from "./faults.js";
+import { faultList, fieldAt } from "./faults.js";
 import { cellsOf, numbersOf } from "./numbers.js";
 import { isFitted } from "./question.js";
 import { button, el, field, keyWords, onChosen, readOnly, refill } from "./ui.js";
@@ -32,11 +32,7 @@ export class SurveyPanel {
   get set() { return this.survey?.default_set; }
   get entries() { return this.survey?.sets?.[this.set] ?? []; }
 
-  /** Place of a field of the survey or of the question, and what is wrong with it. */
-  at(...keys) {
-    const place = placeOf(...keys);
-    return { place, wrong: wrongAt(this.page.faults, place) };
-  }
+  at(part, ...keys) { return fieldAt(this.page, part, ...keys); }
 
   edit(what, change) {
     this.page.documents.edit(what, (documents) => {
@@ -223,13 +219,13 @@ export class SurveyPanel {
 }
 
 /**
- * Pasted columns as the CSV of a profile; what has its header is kept as it is.
+ * Pasted columns as the CSV of a profile; one that has its header and nothing else than CSV is kept as it is.
  *
  * A row that is not two numbers is an error, but for titles before the first one, whose units count.
  */
 export function tableOf(text) {
   const rows = text.replaceAll("\r", "").split("\n").map((row) => row.trim()).filter(Boolean);
-  if (rows.some((row) => /^x_m\s*,/.test(row))) return `${rows.join("\n")}\n`;
+  if (rows.some((row) => /^x_m\s*,/.test(row)) && !rows.some((row) => /[\t;]/.test(row))) return `${rows.join("\n")}\n`;
   let points;
   try {
     points = numbersOf(rows.map(cellsOf), ["m", "m"]);

@@ -22,9 +22,9 @@ export const button = (words, act, more = {}) => el("button", { type: "button", 
 /**
  * A field with a label; `set` gets its value where it can be one, and null where it is empty.
  *
- * `place` is that of the field in its document, `wrong` what is wrong with it.
+ * `place` is that of the field in its document, `wrong` what is wrong with it, `doubt` what is hardly meant.
  */
-export function field({ words, shown = words, key = words, place = "", wrong = "", kind = "number", value, unit = "", choices = [], names = {}, help = "", holder = "" }, set) {
+export function field({ words, shown = words, key = words, place = "", wrong = "", doubt = "", kind = "number", value, unit = "", choices = [], names = {}, help = "", holder = "" }, set) {
   let input;
   const isNumber = kind === "number" || kind === "numbers";
   const label = el("label", { className: `field ${kind}`, title: help }, el("span", { textContent: shown }));
@@ -46,6 +46,7 @@ export function field({ words, shown = words, key = words, place = "", wrong = "
   if (wrong) input.setAttribute("aria-invalid", "true");
   label.append(el("span", { className: "value" }, input, el("span", { className: "unit", textContent: unit })));
   if (wrong) tellWrong(wrong);
+  if (doubt) label.append(el("span", { className: "doubt", textContent: doubt }));
   if (isNumber) {
     numberBox(input, { key: place || key, unit, value, list: kind === "numbers" }, set, tellWrong);
     const { words: converted } = typedInto(place || key, value);
@@ -70,34 +71,62 @@ export function keyWords(key) {
   for (const [end, unit] of Object.entries(units)) {
     if (key.endsWith(end)) return [key.slice(0, -end.length).replaceAll("_", " "), unit];
   }
-  return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m3" : ""];
+  return [key.replaceAll("_", " "), key.endsWith("density") ? "kg/m³" : ""];
 }
 
 const TYPE_AHEAD = 1000; // ms in which browsers take letters for the words of an entry
+
+/** Words of an entry of a list, as they are shown, and as files have them. */
+const namesOf = ({ text, value }) => [text, value.replaceAll("_", " ")].map((name) => name.toLowerCase());
+
+/**
+ * The entry of a list that typed letters mean; undefined: none does.
+ *
+ * It begins with them, or else one of its words does: “toe ran” is “How far the toe ran”. One letter that is typed
+ * again goes on to the next entry.
+ */
+function meant(list, letters) {
+  const entries = [...list.options].filter(({ value, disabled }) => value && !disabled);
+  const again = letters.length > 1 && [...letters].every((one) => one === letters[0]);
+  const begins = (wanted) => entries.filter((one) => namesOf(one).some((name) => name.startsWith(wanted)));
+  if (again && !begins(letters).length) {
+    const all = begins(letters[0]);
+    return all[(all.indexOf(list.selectedOptions[0]) + 1) % all.length];
+  }
+  return begins(letters)[0] ?? entries.find((one) => namesOf(one).some((name) => name.includes(` ${letters}`)));
+}
 
 /**
  * Act when something is chosen in a list that does something at once, such as one that adds.
  *
  * Arrow keys in a list that is not unfolded change it at every press in most browsers: Enter then chooses, and who
- * goes on without it, or presses Escape, has chosen nothing: the list shows `rest()` again.
+ * goes on without it, or presses Escape, has chosen nothing: the list shows `rest()` again. Browsers take letters for
+ * the first words of an entry alone, which nobody knows by heart: here they are looked for in all of its words.
  */
 export function onChosen(list, act, rest = () => "") {
   let stepping = false; // by keys, in the folded list
   let unfolded = false; // by keys: the browser tells of the choice itself
   let lettered = -Infinity; // when a letter was typed: a blank that follows at once is one more
+  let letters = "";
+  const type = (letter, now) => {
+    letters = (now - lettered < TYPE_AHEAD ? letters : "") + letter.toLowerCase();
+    lettered = now;
+    list.value = meant(list, letters)?.value ?? rest();
+    stepping = true;
+  };
   list.addEventListener("keydown", (event) => {
-    const { key, altKey, timeStamp } = event;
-    const isLetter = key.length === 1 && (key !== " " || timeStamp - lettered < TYPE_AHEAD);
-    if (isLetter) lettered = timeStamp;
+    const { key, altKey, ctrlKey, metaKey, timeStamp } = event;
+    const isLetter = key.length === 1 && !(altKey || ctrlKey || metaKey) && (key !== " " || timeStamp - lettered < TYPE_AHEAD);
     if (unfolded) unfolded = !["Enter", "Escape", "Tab"].includes(key);
-    else if (key === "Enter" && stepping) { event.preventDefault(); stepping = false; if (list.value) act(); }
-    else if (key === "Escape") { stepping = false; list.value = rest(); }
-    else if ((!isLetter && [" ", "Enter", "F4"].includes(key)) || (altKey && key.startsWith("Arrow"))) { unfolded = true; stepping = false; }
-    else if (isLetter || /^(Arrow|Page|Home|End)/.test(key)) stepping = true;
+    else if (key === "Enter" && stepping) { event.preventDefault(); stepping = false; lettered = -Infinity; if (list.value !== rest()) act(); }
+    else if (key === "Escape") { stepping = false; lettered = -Infinity; list.value = rest(); }
+    else if (isLetter) { event.preventDefault(); type(key, timeStamp); }
+    else if ([" ", "Enter", "F4"].includes(key) || (altKey && key.startsWith("Arrow"))) { unfolded = true; stepping = false; }
+    else if (/^(Arrow|Page|Home|End)/.test(key)) stepping = true;
   });
   list.addEventListener("pointerdown", () => { stepping = unfolded = false; });
   list.addEventListener("change", () => { unfolded = false; if (!stepping) act(); });
-  list.addEventListener("blur", () => { if (stepping) list.value = rest(); stepping = unfolded = false; });
+  list.addEventListener("blur", () => { if (stepping) list.value = rest(); stepping = unfolded = false; lettered = -Infinity; });
 }
 
 /** Act when a canvas has another size, also in pixels of the screen alone: the window has gone to a finer screen. */
@@ -130,6 +159,9 @@ for (const end of ["pointerup", "pointercancel"]) {
 
 // Keys come before timers: what the field before changed is shown before the next one takes a letter.
 addEventListener("keydown", () => { if (leaving) { leaving = false; fillWaiting(); } }, true);
+
+/** Something is being typed into a field that nobody has taken yet. */
+export const isTyping = (field) => typing === field;
 
 /** A field was left a moment ago: a key is meant for what follows it, and is no short cut. */
 export const justTyped = () => performance.now() - left < 1000;

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from mpm_taichi.effects.framework.base import Effect
+from pipeline.units import with_signs
 
 
 def effects_table(effects: Iterable[Effect]) -> str:
@@ -30,7 +31,7 @@ def effects_text(effects: Iterable[Effect]) -> str:
 
 def _amplitude(one: Effect) -> str:
     scale = one.amplitude
-    unit = f" {scale.unit}" if scale.unit else ""
+    unit = f" {with_signs(scale.unit)}" if scale.unit else ""
     steps = ", ".join(f"{value:g}" for value in scale.ladder)
     sign = "±" if scale.two_signed else ""
     return f"{scale.meaning}; {scale.low:g} to {scale.high:g}{unit}; tried at {sign}({steps})"
@@ -41,5 +42,5 @@ def _parameters(one: Effect) -> str:
 
 
 def _parameter(p) -> str:  # noqa: ANN001
-    unit = f" {p.unit}" if p.unit else ""
+    unit = f" {with_signs(p.unit)}" if p.unit else ""
     return f"{p.name} = {p.default:g}{unit} ({p.low:g} to {p.high:g}): {p.meaning}"
