@@ -21,6 +21,7 @@ NEEDS_CHROMIUM = [
     pytest.mark.skipif(
         CHROMIUM is None and not os.environ.get("CI"), reason="there is no chromium on this machine"
     ),
+    pytest.mark.flaky(reruns=1),  # a browser on a busy machine; the summary names who had to
 ]
 
 
