@@ -116,7 +116,8 @@ def sliding(drag):
 
 @pytest.mark.slow
 def test_a_block_on_a_slope_moves_by_the_law_of_slides_under_water():
-    """s = u_t^2 / a_0 ln cosh(a_0 t / u_t), Watts et al. (2003), but for the added mass."""
+    """s = u_t^2 / a_0 ln cosh(a_0 t / u_t), Watts et al. (2003, read in a report of
+    Geoscience Australia), but for the added mass."""
     for drag in (0.0, 0.6):
         scene = sliding(drag)
         (run,) = simulate([scene], SimulationSettings(duration_s=5.0, early_stop=False), threads=1)

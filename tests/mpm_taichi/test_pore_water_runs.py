@@ -188,7 +188,13 @@ def test_no_clock_states_what_the_water_gives():
         simulate([wet.changed(effects={"late_liquefaction": 5.0})], SETTINGS)
     found, left_out = acting_candidates(wet)
     assert not {"pore_water", *BY_THE_CLOCK} & {one.name for one in found}
-    assert "the base model has it already" in left_out["pore_water"]
+    assert "`effects: {pore_water: 0}` in the scene puts it on trial" in left_out["pore_water"]
+    found, _ = acting_candidates(wet.changed(effects={"pore_water": 0.0}))
+    ladders = {one.name: one.ladder for one in found}
+    assert ladders["pore_water"] == (0.1, 1.0, 10.0)
+    assert {"late_liquefaction", "spreading_liquefaction"} <= set(ladders)
+    _, left_out = acting_candidates(bank())
+    assert "no soil with a permeability_m_per_s" in left_out["pore_water"]
 
 
 def test_a_soil_may_state_its_own_excess_pressure_whether_it_liquefies_or_not():
