@@ -3,8 +3,9 @@
     python -m benchmarks.studies.san_fernando_together [--spacing M] [--write]
 
 Pore water that flows, the drag of the reservoir and the softening of core and rolled fill, each
-alone and together. Under each, S_r is what lets the upstream toe run as far as measured; nothing
-else is fitted. Upper San Fernando has the same physics and the same S_r / sigma'_v0, and stood.
+alone and together, and a zone that is small at first and spreads. Under each, S_r is what lets the
+upstream toe run as far as measured; nothing else is fitted. Upper San Fernando has the same physics
+and the same S_r / sigma'_v0, and stood.
 `--write` renews the table of `docs/method/effects.md`.
 """
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +36,20 @@ CLOSER_KPA = (-1.0, 0.0, 1.0)
 """Around what the first strengths give."""
 PERMEABILITY, DILATANCY = 3e-4, 0.2
 """Of the fill [m/s]; of the soil that does not liquefy."""
+LOWEST = "fill_1"
+"""What the names of the lowest layers of the shells end with."""
+SPREAD_PERMEABILITY, ABOVE_RATIO = 1e-4, 0.3
+"""Of the fill [m/s], and r_u at t = 0 of the layers above, where the lowest layer liquefies alone.
+
+The digital section of Montgomery (2025) has 1.1e-6 m/s along the layers and 5e-8 across: see the
+page.
+"""
+SPREAD = {"dilatancy": 0.1, "dilation": 0.003}
+"""Of the layers above: medium dense, some 0.3 % of volume up to the critical state."""
+CLAYS = ("core", "rolled_fill", "ground_shale")
+PEAK = 3.0
+"""Their strength before they shear over that which the section has, after shaking: of the core 0.37
+of its vertical effective stress, below the drained strength at the 35 degrees of the section."""
 
 
 HEADS = ["with", "S_r (kPa)", "S_r/σ'_v0", "crest (m)", "freeboard (m)", "takes (s)", "starts (s)",
@@ -42,11 +58,21 @@ HEADS = ["with", "S_r (kPa)", "S_r/σ'_v0", "crest (m)", "freeboard (m)", "takes
 
 @dataclass(frozen=True)
 class Physics:
-    """In words, the effects, and whether pore water flows."""
+    """What acts.
+
+    Attributes:
+        words: of the table.
+        effects: and their amplitudes.
+        flows: pore water flows.
+        lowest: only the lowest layer has liquefied.
+        peak: strength of the clays over that of the section.
+    """
 
     words: str
     effects: Mapping[str, float]
     flows: bool = False
+    lowest: bool = False
+    peak: float = 1.0
 
 
 def each_and_together() -> list[Physics]:
@@ -64,6 +90,11 @@ def each_and_together() -> list[Physics]:
         Physics("flows, 50 %", soft, flows=True),
         Physics("C_d 1, 50 %", {**drag, **soft}),
         Physics("flows, C_d 1, 50 %", {**drag, **soft}, flows=True),
+        Physics("flows, lowest layer alone liquefied", {}, flows=True, lowest=True),
+        *(
+            Physics(words, {"remoulding": loss}, flows=True, lowest=True, peak=PEAK)
+            for words, loss in (("the same, clay at 3 x, loses 67 %; 80", 1 - 1 / PEAK), ("", 0.8))
+        ),
     ]
 
 
@@ -76,8 +107,25 @@ def section(
     soils["liquefied_fill"]["cohesion_kpa"] = s_r
     if ratio is not None:
         soils["liquefied_fill"]["strength_ratio"] = ratio
-    flow = let_flow(soils, PERMEABILITY, DILATANCY) if physics.flows else {}
-    return scene.changed(spacing=spacing, materials=soils, effects={**physics.effects, **flow})
+    for clay in (one for one in CLAYS if one in soils):
+        soils[clay]["cohesion_kpa"] *= physics.peak
+    permeability = SPREAD_PERMEABILITY if physics.lowest else PERMEABILITY
+    flow = let_flow(soils, permeability, DILATANCY) if physics.flows else {}
+    changes = {"spacing": spacing, "materials": soils, "effects": {**physics.effects, **flow}}
+    if physics.lowest:
+        flow["pore_water"] |= SPREAD
+        soils["layer_above"] = {**soils["fill"], "excess_pressure_ratio": ABOVE_RATIO}
+        changes["zones"] = lowest_alone(scene)
+    return scene.changed(**changes)
+
+
+def lowest_alone(scene: Scene) -> list[dict[str, Any]]:
+    """The zones, in which the lowest layers alone have liquefied."""
+    zones = scene.model_dump()["zones"]
+    for zone in zones:
+        if zone["material"] == "liquefied_fill" and not zone["name"].endswith(LOWEST):
+            zone["material"] = "layer_above"
+    return zones
 
 
 def readings(name: str, run: Run) -> dict[str, float]:

@@ -34,6 +34,8 @@ def acting_candidates(
         reason = effect.applies(scene)
         if name in on:
             reason = "the base model has it already"
+            if name == PORE_WATER:
+                reason += "; `effects: {pore_water: 0}` in the scene puts it on trial"
         elif name in BY_THE_CLOCK and PORE_WATER in on:
             reason = "pore water flows in the base model, which gives what this states"
         elif effect.place and not set(effect.place) & set((numbers or {}).get(name, ())):

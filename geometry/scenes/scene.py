@@ -125,14 +125,21 @@ class Material(Strength):
         description="of saturated soil whose pore water flows [m/s]; null = none flows through it; "
         "soil that liquefies has pre_failure.friction_deg where the water has drained",
     )
+    excess_pressure_ratio: float | None = Field(
+        None,
+        ge=0,
+        le=1,
+        description="r_u at t = 0 of saturated soil whose pore water flows, excess pressure over "
+        "mean stress in the plane; null = 0, or initial_ratio of pore_water in soil that liquefies",
+    )
     # A note: two scenes that differ in it alone are the same simulation.
     source: str = Field("", exclude=True, description="where the numbers come from; free text")
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """No ratio and no permeability are not written: soils without keep their hashes."""
+        """What a soil may lack is not written: soils without it keep their hashes."""
         document = write(self)
-        for key in ("strength_ratio", "permeability_m_per_s"):
+        for key in ("strength_ratio", "permeability_m_per_s", "excess_pressure_ratio"):
             if getattr(self, key) is None:
                 document.pop(key, None)
         return document
@@ -156,6 +163,14 @@ class Material(Strength):
             raise ValueError(
                 f"saturated_density {self.saturated_density:g} is below density "
                 f"{self.density:g}; water adds weight"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _excess_pressure_of_water_that_flows(self) -> Material:
+        if self.excess_pressure_ratio is not None and self.permeability_m_per_s is None:
+            raise ValueError(
+                "excess_pressure_ratio: of soil whose pore water flows; give permeability_m_per_s"
             )
         return self
 

@@ -144,9 +144,10 @@ def paired(setup: SectionSetup) -> SectionSetup:
         "walls": "closed",
     }
     soils = scene.model_dump()["materials"]
+    still = {"permeability_m_per_s": None, "excess_pressure_ratio": None}
     changes = {
         "domain": closed,
-        "materials": {n: {**soil, "permeability_m_per_s": None} for n, soil in soils.items()},
+        "materials": {name: {**soil, **still} for name, soil in soils.items()},
         "spacing": COARSER * scene.spacing,
         "jitter": 0.0,
         "seed": 0,

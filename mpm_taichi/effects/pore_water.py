@@ -133,7 +133,8 @@ EFFECT = Effect(
             1.0,
             0.0,
             1.0,
-            "r_u at t = 0 of saturated soil that liquefies, u over its mean stress in the plane",
+            "r_u at t = 0 of saturated soil that liquefies, u over its mean stress in the plane; "
+            "a material may state its own",
         ),
         *VOLUMES,
     ),

@@ -72,6 +72,7 @@ class PorousSoil:
             [-]; of soil that does not liquefy that up to its critical state, negative: it dilates.
         per_shear: (P,) the same of plastic shear strain, as long as any of it is left.
         loose: (P,) bool, it liquefies.
+        ratio: (P,) r_u at t = 0, excess pressure over mean stress [-].
         sine: (P,) sin(phi') of soil that liquefies, sin(phi) of the others.
         least: (P,) strength without effective stress [Pa]: S_r, or c cos(phi).
     """
@@ -83,6 +84,7 @@ class PorousSoil:
     contraction: np.ndarray
     per_shear: np.ndarray
     loose: np.ndarray
+    ratio: np.ndarray
     sine: np.ndarray
     least: np.ndarray
 
@@ -114,9 +116,9 @@ class Volumes:
 
 
 def porous_soil(
-    scene: Scene, settled: SettledPoints, factor: float, volumes: Volumes
+    scene: Scene, settled: SettledPoints, factor: float, ratio: float, volumes: Volumes
 ) -> PorousSoil:
-    """The soil of a scene: permeabilities times a factor, and how its volume changes."""
+    """The soil of a scene: permeabilities times a factor, r_u of what liquefies, and volumes."""
     soils = settled.soils
     own = np.array([factor * (soil.permeability_m_per_s or 0.0) for soil in soils])
     storage = np.array(
@@ -135,9 +137,17 @@ def porous_soil(
         contraction=np.where(loose, volumes.contraction, -volumes.dilation)[row],
         per_shear=np.where(loose, volumes.contractancy, -volumes.dilatancy)[row],
         loose=loose[row],
+        ratio=np.array([_initial_ratio(soil, ratio) for soil in soils])[row],
         sine=np.sin(friction)[row],
         least=least[row],
     )
+
+
+def _initial_ratio(soil: Material, liquefied: float) -> float:
+    """r_u at t = 0; `liquefied` where soil that liquefies does not state its own."""
+    if soil.excess_pressure_ratio is not None:
+        return soil.excess_pressure_ratio
+    return liquefied if soil.liquefied else 0.0
 
 
 def _drained_friction(soil: Material) -> float:
@@ -355,8 +365,6 @@ class PoreWater:
         soil: PorousSoil,
         stress: np.ndarray,
         lay: Callable[[np.ndarray], Cells],
-        *,
-        ratio: float,
     ) -> None:
         """Pore water of soil that has settled.
 
@@ -364,14 +372,13 @@ class PoreWater:
             soil: the points.
             stress: (P, 4) after settling [Pa], tension positive.
             lay: `lay_cells` for positions (P, 2).
-            ratio: r_u at t = 0 of wet soil that liquefies: excess pressure over mean stress.
         """
         self.soil, self.lay = soil, lay
         self.mean, self.radius = _mean(stress), _radius(stress)
         self.start = self.mean
         flows = soil.takes_part
         loose = flows & (soil.contraction > 0.0)
-        self.excess = np.where(loose, ratio * self.mean, 0.0)
+        self.excess = np.where(flows, soil.ratio * self.mean, 0.0)
         left = np.maximum(soil.contraction - soil.storage * self.excess, 0.0)
         self.owed = np.where(flows, np.where(loose, left, soil.contraction), 0.0)
         self.shear = np.zeros(len(stress))
@@ -529,7 +536,7 @@ def pore_water(
     scene: Scene, settled: SettledPoints, factor: float, ratio: float, volumes: Volumes
 ) -> PoreWater:
     """The pore water of a scene; the numbers are those of `effects.pore_water`."""
-    soil = porous_soil(scene, settled, factor, volumes)
+    soil = porous_soil(scene, settled, factor, ratio, volumes)
     origin, cell = settled.origin, settled.cell
     bodies = _cells_at(*settled.fixed.T, origin, cell)
 
@@ -550,4 +557,4 @@ def pore_water(
             closed=closed,
         )
 
-    return PoreWater(soil, settled.stress, lay, ratio=ratio)
+    return PoreWater(soil, settled.stress, lay)

@@ -6,9 +6,12 @@ import pytest
 
 from benchmarks.hidden_effects.__main__ import FOLDER, main
 from benchmarks.hidden_effects.making.benchmark import coarser
+from benchmarks.hidden_effects.making.laboratory import Laboratory, Request
 from benchmarks.hidden_effects.making.plan import ROUND, plan, reaches
 from benchmarks.hidden_effects.making.sections import load_section
+from mpm_taichi.effects import effects_on
 from pipeline.cli import InputError
+from pipeline.config import SimulationSettings
 from pipeline.files import read_json
 
 EFFECTS = ["softening", "rate", "pool"]
@@ -29,6 +32,16 @@ def test_a_spacing_that_a_section_cannot_have_is_one_line(root, factor):
     message = str(caught.value)
     assert message.startswith(f"benchmark.yaml: spacing_factor {factor:g}: {section.folder}: ")
     assert "spacing" in message and "\n" not in message
+
+
+def test_what_a_section_says_of_effects_holds_where_none_is_hidden(root):
+    section = load_section(root / "benchmarks/hidden_effects/sections/porous_dam")
+    laboratory = Laboratory(SimulationSettings())
+    values = tuple(spec.start for spec in section.question.parameters)
+    base = laboratory.scene(section, Request(values))
+    assert base.effects == {"pore_water": 0.0} and not effects_on(base)
+    wet = laboratory.scene(section, Request(values, {"pore_water": 3.0}))
+    assert [(one.effect.name, one.amplitude) for one in effects_on(wet)] == [("pore_water", 3.0)]
 
 
 def row(number, seed=3):

@@ -67,6 +67,15 @@ def test_the_difference_is_that_of_a_pair_at_a_coarser_spacing(bank, engine):
     assert engine.wide_runs == 3
 
 
+def test_no_pore_water_flows_in_a_pair(bank):
+    _, setup = bank
+    soils = setup.scene.model_dump()["materials"]
+    for soil in soils.values():
+        soil |= {"permeability_m_per_s": 1e-4, "excess_pressure_ratio": 0.3}
+    wet = replace(setup, scene=setup.scene.changed(materials=soils))
+    assert paired(wet).scene == paired(setup).scene
+
+
 def test_what_else_is_on_trial_changes_the_plane_run_alone(bank):
     _, setup = bank
     changed = setup.with_scene(setup.scene.changed(jitter=0.5, seed=3, effects={"bingham": 5.0}))

@@ -89,3 +89,45 @@ def test_dry_soil_and_soil_outside_the_pool_are_not_braked():
     )  # fmt: skip
     risen = [run.positions[-1, :, 1].astype(float).mean() for run in (one, other)]
     assert risen[1] - risen[0] < 0.05 * (risen[1] - 62.0)
+
+
+def sliding(drag):
+    """A strong block of 8 m x 3 m under water on a smooth slope of 30 degrees."""
+    angle = np.radians(30.0)
+    along, across = (
+        np.array([np.cos(angle), -np.sin(angle)]),
+        np.array([np.sin(angle), np.cos(angle)]),
+    )
+    foot = np.array([10.0, 60.0 - 10.0 * np.tan(angle)])
+    corners = [foot + a * along + b * across for a, b in ((0, 0), (8, 0), (8, 3), (0, 3))]
+    return scene_from_mapping(
+        {
+            "name": "sliding",
+            "domain": {"x_min": 0, "x_max": 100, "y_max": 80, "walls": "closed"},
+            "ground": {"points": [[0, 60], [100, 60 - 100 * np.tan(angle)]]},
+            "zones": [{"name": "a", "material": "s", "polygon": [list(p) for p in corners]}],
+            "materials": {"s": {"friction_deg": 0, "cohesion_kpa": 2000, "density": DENSITY}},
+            "water_level": 75.0,
+            "spacing": 0.5,
+            "effects": {"weak_base": 1.0, **({"water_drag": drag} if drag else {})},
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_block_on_a_slope_moves_by_the_law_of_slides_under_water():
+    """s = u_t^2 / a_0 ln cosh(a_0 t / u_t), Watts et al. (2003, read in a report of
+    Geoscience Australia), but for the added mass."""
+    for drag in (0.0, 0.6):
+        scene = sliding(drag)
+        (run,) = simulate([scene], SimulationSettings(duration_s=5.0, early_stop=False), threads=1)
+        place = run.positions.astype(float).mean(axis=1)
+        way = np.linalg.norm(place - place[0], axis=1)
+        pull = GRAVITY * np.sin(np.radians(30.0)) * (1.0 - 1000.0 / DENSITY)
+        expected = 0.5 * pull * run.time**2
+        if drag:
+            area, height = soil_in_pool(scene, pool_of(scene))
+            terminal = np.sqrt(2.0 * area / height * pull * DENSITY / (1000.0 * drag))
+            expected = terminal**2 / pull * np.log(np.cosh(pull * run.time / terminal))
+            assert pull * run.time[-1] > 2.0 * terminal
+        assert np.abs(way - expected).max() < 0.002 * expected[-1]

@@ -28,6 +28,7 @@ class Block:
         self.position = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         x, y = self.position.T
         full = np.ones(len(x))
+        liquefies = loose(x, y) > 0.0 if callable(loose) else loose * full > 0.0
         self.soil = PorousSoil(
             volume=half**2 * full,
             storage=STORAGE * full,
@@ -35,7 +36,8 @@ class Block:
             wet=full > 0.0,
             contraction=loose * full if np.isscalar(loose) else loose(x, y),
             per_shear=0.1 * np.sign(loose(x, y) if callable(loose) else loose * full),
-            loose=loose(x, y) > 0.0 if callable(loose) else loose * full > 0.0,
+            loose=liquefies,
+            ratio=ratio * liquefies,
             sine=0.5 * full,
             least=0.0 * full,
         )
@@ -48,7 +50,7 @@ class Block:
                 closed=shut or (lambda x, y: (y < 0.0) | (x < 0.0) | (x > width)),
             )  # fmt: skip
 
-        self.water = PoreWater(self.soil, self.stress, lay, ratio=ratio)
+        self.water = PoreWater(self.soil, self.stress, lay)
 
     def pass_time(self, seconds, steps, *, excess=None):
         """Steps of equal length under constant stress."""

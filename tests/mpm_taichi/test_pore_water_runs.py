@@ -9,8 +9,10 @@ from gns.data.scene_facts import check_base_physics
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_key
 from mpm_taichi.effects import BY_THE_CLOCK, effects_on, kernel_effects
+from mpm_taichi.effects.framework.between import SettledPoints
 from mpm_taichi.simulate import simulate
 from mpm_taichi.simulate3d import simulate_3d
+from mpm_taichi.solver.pore_water import Volumes, pore_water
 from mpm_taichi.solver3d.problem import extruded
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
@@ -186,7 +188,31 @@ def test_no_clock_states_what_the_water_gives():
         simulate([wet.changed(effects={"late_liquefaction": 5.0})], SETTINGS)
     found, left_out = acting_candidates(wet)
     assert not {"pore_water", *BY_THE_CLOCK} & {one.name for one in found}
-    assert "the base model has it already" in left_out["pore_water"]
+    assert "`effects: {pore_water: 0}` in the scene puts it on trial" in left_out["pore_water"]
+    found, _ = acting_candidates(wet.changed(effects={"pore_water": 0.0}))
+    ladders = {one.name: one.ladder for one in found}
+    assert ladders["pore_water"] == (0.1, 1.0, 10.0)
+    assert {"late_liquefaction", "spreading_liquefaction"} <= set(ladders)
+    _, left_out = acting_candidates(bank())
+    assert "no soil with a permeability_m_per_s" in left_out["pore_water"]
+
+
+def test_a_soil_may_state_its_own_excess_pressure_whether_it_liquefies_or_not():
+    loose = bank().materials["silt"]
+    dense = bank(liquefied=False, friction_deg=35).materials["silt"]
+    flows, own = {"permeability_m_per_s": 1e-5}, {"excess_pressure_ratio": 0.3}
+    soils = [
+        soil.model_copy(update=new) for soil in (loose, dense) for new in (flows, flows | own, own)
+    ]
+    six = np.ones(6)
+    stress = np.outer(six, [-60e3, -140e3, -60e3, 0.0])
+    settled = SettledPoints(np.outer(six, [30.0, 1.0]), six, stress, np.arange(6), soils,
+                            np.zeros((0, 2)), (0.0, 0.0), 2.0, 9.81)  # fmt: skip
+    water = pore_water(bank(), settled, 1.0, 0.8, Volumes(0.02, 0.1, 0.02, 0.0))
+    assert water.excess == pytest.approx([80e3, 30e3, 0.0, 0.0, 30e3, 0.0])  # without k: none
+    wet = bank(permeability_m_per_s=1e-5)
+    stated = bank(permeability_m_per_s=1e-5, excess_pressure_ratio=0.3)
+    assert run_key(stated, SETTINGS, "cpu") != run_key(wet, SETTINGS, "cpu")
 
 
 def test_what_cannot_be_is_refused_in_one_line():
@@ -201,3 +227,5 @@ def test_what_cannot_be_is_refused_in_one_line():
         check_base_physics(wet, "the direct model")
     with pytest.raises(InputError, match="permeability_m_per_s"):
         bank(permeability_m_per_s=2.0)
+    with pytest.raises(InputError, match="excess_pressure_ratio: of soil whose pore water flows"):
+        bank(excess_pressure_ratio=0.5)

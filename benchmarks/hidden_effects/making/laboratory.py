@@ -87,7 +87,7 @@ class Laboratory:
             spacing=round(request.spacing_factor * section.scene.spacing, 4),
             jitter=request.jitter,
             seed=request.seed,
-            effects=dict(request.effects),
+            effects={**section.scene.effects, **request.effects},
         )
 
     def deposits(self, section: Section, requests: Sequence[Request]) -> list[Deposit | None]:
