@@ -114,7 +114,7 @@ def fitted(known: Sequence[Given]) -> NameRecord:
         return float(np.logaddexp(0.0, -z).sum() + RIDGE * (law[1:] ** 2).sum())
 
     bounds = [(None, None), *[(0.0, None)] * (seen.shape[1] - 1)]
-    law = minimize(loss, np.zeros(seen.shape[1]), bounds=bounds, method="L-BFGS-B").x
+    law = minimize(loss, np.zeros(seen.shape[1]), bounds=bounds, method="L-BFGS-B", tol=1e-12).x
     intercept, apart, p_left, share = (round(float(number), 2) for number in law)
     return NameRecord(
         given=len(known),
