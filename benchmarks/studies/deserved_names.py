@@ -23,7 +23,7 @@ from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.hidden_effects.scoring.sets import PAGE, SETS
 from benchmarks.hidden_effects.strangers import RECORD, load_twice
 from diagnosis.options import Options
-from diagnosis.track_record import NAMES, Figures, NameRecord
+from diagnosis.track_record import NAMES, Figures, NameRecord, name_record
 from pipeline.files import write_text, yaml_text
 
 #: Weight of the squares of the law's slopes, next to the logarithm of the likelihood.
@@ -63,6 +63,11 @@ def figures_of(one: Judged) -> Figures:
         p_left=digest.final.p,
         share=min(sum(shares) if digest.families else shares[0], 1.0),
     )
+
+
+def is_deserved(one: Judged) -> bool:
+    """A name that was given would be given now."""
+    return name_record().chance(figures_of(one)) >= Options().deserved
 
 
 def holds_truth(one: Judged) -> bool:

@@ -4,13 +4,16 @@
 
 A verdict can only doubt what is on its list. What that leaves open is found where somebody else
 made the truth: from the records of the third to the sixth set of slides by other codes
-(`benchmarks/hidden_effects/foreign_*_results.json`), each judged once and sealed before that.
+(`benchmarks/hidden_effects/foreign_*_results.json`), each judged once and sealed before that. Of
+what was named then and would not be now (`deserved_names`) the base model's strength is taken: what
+would be quoted is not in the records.
 Renews parts of docs/method/diagnosis.md, and what reports say of it (`diagnosis.track_record`).
 What is said of slides to come is tried on each set by the record of those before it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.generated_pages import ROOT, renew, table
-from benchmarks.hidden_effects.scoring.digest import METHOD
+from benchmarks.hidden_effects.scoring.digest import METHOD, Digest
 from benchmarks.hidden_effects.scoring.opened import Row, load_rows
+from benchmarks.hidden_effects.scoring.score import Judged
+from benchmarks.studies.deserved_names import is_deserved
 from diagnosis.track_record import FILE, TrackRecord, Worth
 from pipeline.files import write_text, yaml_text
 
@@ -27,6 +32,8 @@ PAGE = ROOT / "docs" / "method" / "diagnosis.md"
 FOLDER = Path(__file__).resolve().parent.parent / "hidden_effects"
 SETS = ("third", "fourth", "fifth", "sixth")
 STRENGTH = "residual_strength"
+#: Standard deviations between which 95 % lie.
+TWO_SIDED_95 = 1.96
 #: Verdicts as the page groups them, and how.
 SAID = {
     "adequate": ("adequate",),
@@ -75,16 +82,16 @@ class Slide:
 
 def slide(row: Row) -> Slide:
     """What is needed of a record."""
-    truth, digest = row["truth"], row["verdicts"][METHOD]
-    low, high = digest["quoted"][STRENGTH]["95%"]
-    base = digest["base"]["values"][STRENGTH]
+    truth, digest = row["truth"], Digest.model_validate(row["verdicts"][METHOD])
+    base, std = digest.base.values[STRENGTH], digest.base.std[STRENGTH]
+    low, high = digest.quoted[STRENGTH]["95%"]
+    verdict = digest.verdict
+    if verdict == "identified" and not is_deserved(Judged(truth, digest)):
+        verdict = "unknown_effect"
+        far = math.exp(TWO_SIDED_95 * std / base)
+        low, high = base / far, base * far
     return Slide(
-        digest["verdict"],
-        truth["kind"] != "null",
-        truth["parameters"][STRENGTH],
-        low,
-        high,
-        base,
+        verdict, truth["kind"] != "null", truth["parameters"][STRENGTH], low, high, base
     )
 
 
