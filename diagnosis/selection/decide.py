@@ -36,6 +36,7 @@ from diagnosis.selection.tried_models import (
 )
 from diagnosis.track_record import Figures, Verdicts, name_record
 
+TOO_OFTEN_WRONG = "explanations like it were wrong too often"
 #: Tests of how large the misfit is; the others are of its pattern, or of one measurement.
 SIZES = ("chi2", "held_out")
 
@@ -125,7 +126,7 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             final,
             sets,
             probability,
-            not_enough=undeserved_words(chance),
+            not_enough=TOO_OFTEN_WRONG,
             chance=chance,
         )
     return Decision(
@@ -159,14 +160,6 @@ def figures_of(
         nearest=max(explanation.nearest(name, names) for name in names),
         p_left=final.adequacy.p_combined,
         share=min(sum(shares) if families else shares[0], 1.0),
-    )
-
-
-def undeserved_words(chance: float) -> str:
-    """Why an explanation is not given."""
-    return (
-        f"where the truth is known, explanations like this one were right in {100 * chance:.0f} "
-        "of 100"
     )
 
 

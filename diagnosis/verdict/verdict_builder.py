@@ -459,7 +459,7 @@ def sentence(found: Diagnosis) -> str:
             return (
                 f"{_joined(final.model.names).capitalize()} would explain the measurements, "
                 f"{_fall(found)}, and {'are' if len(final.model.names) > 1 else 'is'} not named "
-                f"{among}: {decision.not_enough}."
+                f"{among}: {decision.not_enough}.{_chance(decision)}"
             )
         case "unknown_effect" if final.model.names:
             does = "improve" if len(final.model.names) > 1 else "improves"
