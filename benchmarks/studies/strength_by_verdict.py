@@ -90,9 +90,7 @@ def slide(row: Row) -> Slide:
         verdict = "unknown_effect"
         far = math.exp(TWO_SIDED_95 * std / base)
         low, high = base / far, base * far
-    return Slide(
-        verdict, truth["kind"] != "null", truth["parameters"][STRENGTH], low, high, base
-    )
+    return Slide(verdict, truth["kind"] != "null", truth["parameters"][STRENGTH], low, high, base)
 
 
 def slides_by_set() -> dict[str, list[Slide]]:
