@@ -244,8 +244,8 @@ def _widened(
 
 
 def _round_spacing(length: float) -> float:
-    """The next smaller of 0.1, 0.2, 0.25, 0.5, 1, 2, ... [m]."""
-    steps = [round(step * 10.0**power, 9) for power in range(-2, 3) for step in (1, 2, 2.5, 5)]
+    """The next smaller of 0.1, 0.25, 0.5, 1, 2, ... [m]."""
+    steps = [step * 10.0**power for power in range(-2, 3) for step in (1.0, 2.5, 5.0)]
     return max([step for step in steps if step <= length], default=steps[0])
 
 

@@ -281,12 +281,6 @@ def test_room_is_made_for_what_is_drawn_and_surveyed():
     assert with_room({"zones": zones, "domain": closed}, [-40])["domain"] == closed
 
 
-@pytest.mark.parametrize(("height", "spacing"), [(6, 0.2), (12, 0.25), (20, 0.5), (60, 2.0)])
-def test_the_spacing_is_a_25th_of_the_height_rounded_to_half_of_it_at_most(height, spacing):
-    zones = [{"name": "a", "material": "a", "polygon": [[0, 0], [90, 0], [45, height]]}]
-    assert with_room({"zones": zones})["spacing"] == spacing > height / 50
-
-
 def test_the_source_of_a_material_is_a_note_and_no_part_of_a_run(tmp_path):
     path = tmp_path / "dam.csv"
     path.write_text(
