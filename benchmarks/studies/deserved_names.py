@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from scipy.optimize import minimize
@@ -75,9 +76,8 @@ def holds_truth(one: Judged) -> bool:
     hidden = set(one.truth["effects"])
     if one.digest.verdict == "identified" and is_right(one):
         return True
-    sets = [set(names) for names in one.digest.set_90]
-    if one.digest.verdict == "identified":
-        sets = [set(one.digest.effects)]
+    answers = [one.digest.effects] if one.digest.verdict == "identified" else one.digest.set_90
+    sets = [set(names) for names in answers]
     if "source" not in one.truth:
         return bool(hidden) and hidden in sets
     thing = ByCode(one).thing
@@ -146,16 +146,6 @@ def share_of_others(known: Sequence[Given], by: Callable[[Given], str]) -> np.nd
     return np.array([right[groups != group].mean() for group in groups])
 
 
-def hidden_thing(one: Given) -> str:
-    """What was hidden."""
-    return one.hidden
-
-
-def set_of(one: Given) -> str:
-    """Its set."""
-    return one.of
-
-
 def log_score(known: Sequence[Given], chance: np.ndarray) -> float:
     """Mean logarithm of the probability of what came out, less is worse."""
     right = np.array([one.right for one in known])
@@ -195,11 +185,12 @@ def _right_of(some: Sequence[Given]) -> str:
 
 def shown(known: Sequence[Given], strangers: int) -> str:
     """The part of the page."""
-    by_thing, by_set = unseen(known, hidden_thing), unseen(known, set_of)
+    hidden, of = attrgetter("hidden"), attrgetter("of")
+    by_thing, by_set = unseen(known, hidden), unseen(known, of)
     law = fitted(known)
     scores = [
         f"{log_score(known, chance):.2f} ({log_score(known, share_of_others(known, by)):.2f})"
-        for by, chance in ((hidden_thing, by_thing), (set_of, by_set))
+        for by, chance in ((hidden, by_thing), (of, by_set))
     ]
     said = (
         f"ln(odds) = {law.intercept:g} + {law.apart:g} ln(1 - c²) + {law.p_left:g} ln p - "

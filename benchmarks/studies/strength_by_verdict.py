@@ -26,14 +26,13 @@ from benchmarks.hidden_effects.scoring.opened import Row, load_rows
 from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.studies.deserved_names import is_deserved
 from diagnosis.track_record import FILE, TrackRecord, Worth
+from diagnosis.verdict.fitted_models import WIDE
 from pipeline.files import write_text, yaml_text
 
 PAGE = ROOT / "docs" / "method" / "diagnosis.md"
 FOLDER = Path(__file__).resolve().parent.parent / "hidden_effects"
 SETS = ("third", "fourth", "fifth", "sixth")
 STRENGTH = "residual_strength"
-#: Standard deviations between which 95 % lie.
-TWO_SIDED_95 = 1.96
 #: Verdicts as the page groups them, and how.
 SAID = {
     "adequate": ("adequate",),
@@ -88,7 +87,7 @@ def slide(row: Row) -> Slide:
     verdict = digest.verdict
     if verdict == "identified" and not is_deserved(Judged(truth, digest)):
         verdict = "unknown_effect"
-        far = math.exp(TWO_SIDED_95 * std / base)
+        far = math.exp(WIDE * std / base)
         low, high = base / far, base * far
     return Slide(verdict, truth["kind"] != "null", truth["parameters"][STRENGTH], low, high, base)
 
