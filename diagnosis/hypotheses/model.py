@@ -16,7 +16,7 @@ import numpy as np
 from geometry.survey.measured import Measured
 from inversion.estimation.budget import Predictor
 from inversion.estimation.data import Targets
-from inversion.estimation.unknowns import Amplitude, Parameters
+from inversion.estimation.unknowns import Amplitude, Parameters, Scale
 from inversion.problem.state import State
 
 Family = Literal[
@@ -40,6 +40,8 @@ FAMILY_WORDS: dict[Family, str] = {
 CURVE = "strength_curve"
 #: Standard deviation of an amplitude of which nothing else is known, in top rungs of its ladder.
 WIDE = 2.0
+#: The same of one that is counted in decades, around its middle rung: a factor of 3.
+HALF_A_DECADE = 0.5
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class Candidate:
             it explains is not explained, but varies from place to place.
         screened: nearly linear: its ladder is run beyond the first amplitude only if that promises
             something.
+        decades: its rungs are tenfold each, and it is most likely near the middle one.
+        asked: the case itself names it as what may be missing: it is refitted whatever it promises.
         switch: on or off, amplitude 1 or 0: another form of the model, which has no size.
         placed: it is at a place, and others may be sought; of how many each is as likely.
         choices: places among which its own was sought.
@@ -78,6 +82,8 @@ class Candidate:
     free: bool = False
     by_chance: bool = False
     screened: bool = False
+    decades: bool = False
+    asked: bool = False
     switch: bool = False
     placed: int = 0
     choices: int = 1
@@ -86,6 +92,24 @@ class Candidate:
     def two_signed(self) -> bool:
         """The amplitude may be of either sign."""
         return self.low < 0.0 < self.high
+
+    @property
+    def scale(self) -> Scale:
+        """How its amplitudes are compared: as they are, or in decades from the lowest rung on."""
+        return Scale(min(self.ladder), decades=True) if self.decades else Scale()
+
+    @property
+    def counted_prior(self) -> tuple[float, float] | None:
+        """Mean and standard deviation beforehand on that scale; None: nothing is known."""
+        if self.prior_std is None:
+            return None
+        mean = self.prior_mean or 0.0
+        return self.scale.count(mean), self.scale.spread(mean, self.prior_std)
+
+    def most_of(self, rung: float) -> float:
+        """The largest amplitude of a rung's sign, as a share of that rung on that scale."""
+        bound = self.high if rung > 0.0 else self.low
+        return self.scale.count(bound) / self.scale.count(rung)
 
 
 def switch_of(name: str, family: Family, words: str) -> Candidate:
@@ -110,14 +134,14 @@ def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None)
     the solver can bear, and an effect would gain or lose evidence by how far that is.
     """
     if candidate.switch:
-        return Amplitude(candidate.name, 1.0, 1.0, 1.0)
+        return Amplitude(candidate.name, 1.0, 1.0, Scale())
     mean, std = prior if prior is not None else (candidate.prior_mean, candidate.prior_std)
     rungs = sorted(abs(rung) for rung in candidate.ladder)
-    middle = rungs[len(rungs) // 2]
+    scale = candidate.scale if candidate.decades else Scale(rungs[len(rungs) // 2])
     if std is None:
         mean, std = 0.0, WIDE * rungs[-1]
     return Amplitude(
-        candidate.name, candidate.low, candidate.high, middle, mean, std, candidate.choices
+        candidate.name, candidate.low, candidate.high, scale, mean, std, candidate.choices
     )
 
 

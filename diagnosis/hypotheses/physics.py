@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from diagnosis.hypotheses.model import FAMILIES, Candidate, Family
+from diagnosis.hypotheses.model import FAMILIES, HALF_A_DECADE, Candidate, Family
 from geometry.scenes.scene import Scene
 from mpm_taichi.effects import BY_THE_CLOCK, PORE_WATER, Active, Effect, effects, effects_on
 from pipeline.cli import InputError
@@ -48,7 +48,7 @@ def acting_candidates(
         if ends is None:
             left_out[name] = f"it goes on for longer than the run of {duration:g} s"
         else:
-            found.append(ends)
+            found.append(replace(ends, asked=name in scene.effects))
     return found, left_out
 
 
@@ -95,7 +95,7 @@ def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
     ladder = [*amplitude.ladder]
     if amplitude.two_signed:
         ladder += [-rung for rung in ladder]
-    return Candidate(
+    found = Candidate(
         name=effect.name,
         family=family_of(effect),
         words=effect.words,
@@ -104,4 +104,16 @@ def candidate_of(effect: Effect, numbers: Mapping[str, float]) -> Candidate:
         high=amplitude.high,
         ladder=tuple(sorted(ladder)),
         by_chance=bool(effect.realisation) and effect.realisation not in numbers,
+    )
+    if not amplitude.decades:
+        return found
+    lowest, middle, top = amplitude.ladder
+    beyond = 10.0**HALF_A_DECADE
+    return replace(
+        found,
+        decades=True,
+        low=max(amplitude.low, lowest / beyond),
+        high=min(amplitude.high, top * beyond),
+        prior_mean=middle,
+        prior_std=HALF_A_DECADE * math.log(10.0) * middle,
     )

@@ -150,6 +150,9 @@ def wanted_models(
     if ranked:
         alike = explanation.alike(ranked[0], options.inseparable)
         chosen += representatives(explanation, [n for n in ranked if n in alike], chosen)
+    if first:
+        # A score is a tangent at the base model; what the case itself asks for is fitted anyway.
+        chosen += [c.name for c in explanation.candidates if c.asked and c.name not in chosen]
     models = [tuple(sorted((*now.model.names, name))) for name in chosen]
     if not first:
         models += best_pairs(comparison, explanation, PAIRS)
@@ -217,10 +220,7 @@ def best_pairs(
         gram = columns.T @ columns
         if np.linalg.cond(gram) > 1e8:
             continue
-        most = [
-            (bounds[n].high if s.rung > 0 else bounds[n].low) / s.rung
-            for n, s in ((first, one), (second, two))
-        ]
+        most = [bounds[n].most_of(s.rung) for n, s in ((first, one), (second, two))]
         share = np.clip(np.linalg.solve(gram, columns.T @ residual), 0.0, most)
         drop = float(2.0 * share @ (columns.T @ residual) - share @ gram @ share)
         key = tuple(sorted((first, second)))

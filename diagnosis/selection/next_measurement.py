@@ -264,7 +264,7 @@ def _hidden(
     rivals = [Rival((), 1.0, mean, covariance)]
     anchor = base.surface.space.state(base.surface.x)
     linear = comparison.judged.system
-    ladders = {candidate.name: candidate.ladder for candidate in explanation.candidates}
+    known = {candidate.name: candidate for candidate in explanation.candidates}
     for name in explanation.names:
         amplitude, change = explanation.signatures[name].plain
         states = [anchor, anchor.with_effects({name: amplitude})]
@@ -273,7 +273,8 @@ def _hidden(
             continue
         size = float(np.linalg.norm(linear.project(linear.augmented(change))))
         share = options.detectable / max(size, 1e-9)
-        most = max(abs(rung) for rung in ladders[name]) / abs(amplitude)
+        count = known[name].scale.count
+        most = max(abs(count(rung)) for rung in known[name].ladder) / abs(count(amplitude))
         met = -linear.imitating(linear.augmented(change))
         apart = min(share, most) * (after - before + slope @ met)
         rivals.append(Rival((name,), 1e-3, mean + apart, np.zeros_like(covariance)))

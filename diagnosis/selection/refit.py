@@ -166,7 +166,7 @@ def first_guesses(surface: Surface, space: Unknowns) -> list[np.ndarray]:
     for effect in space.effects:
         known = effect.name in surface.ladders
         rungs = surface.ladders[effect.name].rungs if known else [own[effect.name]]
-        choices.append([rung / effect.unit for rung in rungs])
+        choices.append([effect.scale.count(rung) for rung in rungs])
     if np.prod([len(choice) for choice in choices]) > MOST_GUESSES or len(choices) > 3:
         return [space.clipped(anchor_of(surface, space))]
     return [

@@ -34,6 +34,7 @@ from diagnosis.hypotheses.model import Candidate
 from inversion.estimation.budget import Runs
 from inversion.estimation.misfit import System
 from inversion.estimation.response_surface import Ladder, Surface
+from inversion.estimation.unknowns import Scale
 from pipeline.ties import RELATIVE, largest, ranked
 
 #: Farthest that a parameter is moved to meet an effect.
@@ -55,6 +56,7 @@ class Signature:
         changes: amplitude -> d of all m predictions (m,), mean over the jitters that were run.
         moves: amplitude -> e, by which the anchor's unknowns were moved for its run, (q,).
         plain: an amplitude that was run with the anchor's own unknowns, and its change (m,).
+        scale: on which its amplitudes are compared.
         cosines: amplitude -> cosine between two jitters, after projection, where a second was run.
     """
 
@@ -62,6 +64,7 @@ class Signature:
     changes: Mapping[float, np.ndarray]
     moves: Mapping[float, np.ndarray]
     plain: tuple[float, np.ndarray]
+    scale: Scale = Scale()
     cosines: Mapping[float, float] = field(default_factory=dict)
 
     @property
@@ -74,7 +77,8 @@ class Signature:
         """The same with its zero, for the response surface."""
         rungs = sorted([0.0, *self.changes])
         nothing = np.zeros_like(next(iter(self.changes.values())))
-        return Ladder(np.array(rungs), np.array([self.changes.get(a, nothing) for a in rungs]))
+        changes = np.array([self.changes.get(a, nothing) for a in rungs])
+        return Ladder(np.array(rungs), changes, self.scale)
 
 
 Watcher = Callable[[Mapping[str, Signature]], None]
@@ -137,7 +141,9 @@ def take_signatures(
             if c not in kept:
                 ladders.mirror(c)
     return {
-        c.name: Signature(c.name, ladders.changes[c.name], ladders.moves[c.name], raw[c.name])
+        c.name: Signature(
+            c.name, ladders.changes[c.name], ladders.moves[c.name], raw[c.name], c.scale
+        )
         for c in candidates
         if c.name in ladders.changes
     }
@@ -173,7 +179,9 @@ class _Ladders:
             return nothing
         near = min(known, key=lambda a: (a * amplitude < 0, abs(abs(a) - abs(amplitude))))
         # d already has J e taken off: what the unknowns imitate of d is all they would have to do.
-        wanted = -self.linear.imitating(self.linear.augmented(known[near])) * (amplitude / near)
+        count = self.candidates[name].scale.count
+        times = count(amplitude) / count(near)
+        wanted = -self.linear.imitating(self.linear.augmented(known[near])) * times
         space, x = self.surface.space, self.surface.x
         wanted[: space.p] = np.clip(wanted[: space.p], -FARTHEST, FARTHEST)
         return space.clipped(x + wanted) - x
@@ -190,7 +198,8 @@ class _Ladders:
             return []
         middle, top = side[len(side) // 2], side[-1]
         seen = self._seen(name, middle)
-        if candidate.free or seen is None or seen * (top / middle) >= TOP_SEEN:
+        as_it_is = candidate.free or candidate.decades
+        if as_it_is or seen is None or seen * (top / middle) >= TOP_SEEN:
             return [*reversed(side[len(side) // 2 + 1 :]), *side[: len(side) // 2]]
         share = min(TOP_RAISED, TOP_SEEN / max(seen * (top / middle), 1e-6))
         high = candidate.high if sign > 0 else -candidate.low
@@ -228,7 +237,13 @@ class _Ladders:
     def so_far(self) -> dict[str, Signature]:
         """Signatures of the amplitudes that were run."""
         return {
-            name: Signature(name, dict(changes), self.moves[name], next(iter(changes.items())))
+            name: Signature(
+                name,
+                dict(changes),
+                self.moves[name],
+                next(iter(changes.items())),
+                self.candidates[name].scale,
+            )
             for name, changes in self.changes.items()
         }
 
@@ -420,21 +435,23 @@ def _score(
     s = found.system.project(whole) if projection else whole
     size = float(s @ s)
     agree, drawn = float(s @ found.residual), s @ found.noise
-    if candidate.prior_std is not None:
+    paid = 0.0
+    if candidate.counted_prior is not None:
         # One more row: amplitude / std, with the prior's mean as its datum.
-        row = rung / candidate.prior_std
+        mean, std = candidate.counted_prior
+        row = candidate.scale.count(rung) / std
         size += row**2
-        shift = row * (candidate.prior_mean or 0.0) / candidate.prior_std
+        shift = row * mean / std
         agree, drawn = agree + shift, drawn + shift
+        # An amplitude other than 0 pays for its distance from the prior's mean there, which at 0
+        # nobody pays who has not got the effect.
+        paid = (mean / std) ** 2
     size = max(size, 1e-300)
-    most = (candidate.high if rung > 0 else candidate.low) / rung
+    most = candidate.most_of(rung)
     share = np.clip(agree / size, 0.0, most)
     null_share = np.clip(drawn / size, 0.0, most)
     if candidate.switch:  # on, or off; there is nothing in between
         share, null_share = np.round(share), np.round(null_share)
-    # An amplitude other than 0 pays for its distance from the prior's mean there, which at 0 nobody
-    # pays who has not got the effect.
-    paid = ((candidate.prior_mean or 0.0) / (candidate.prior_std or 1.0)) ** 2
     share = float(share)
     drop = 2.0 * share * agree - share**2 * size
     null_drop = 2.0 * null_share * drawn - null_share**2 * size
@@ -442,7 +459,7 @@ def _score(
         name=candidate.name,
         rung=rung,
         z=agree / np.sqrt(size),
-        amplitude=share * rung,
+        amplitude=candidate.scale.amplitude(share * candidate.scale.count(rung)),
         drop=max(drop - paid, 0.0),
         visible=float(np.linalg.norm(s)),
         whole=float(np.linalg.norm(whole)),

@@ -152,7 +152,7 @@ def effect_answers(
             verdict.EffectAnswer(
                 name=effect.name,
                 amplitude=space.amplitudes(x)[effect.name],
-                std=float(std[space.p + place] * effect.unit),
+                std=float((std * space.per_unit(x))[space.p + place]),
                 interval_95=(low[effect.name], high[effect.name]),
                 unit=unit,
                 words=description,

@@ -293,7 +293,7 @@ def refit_part(
     return verdict.Refit(
         effects=amplitudes,
         amplitude=amplitudes[name],
-        std=float(std[fit.space.p + place] * fit.space.effects[place].unit),
+        std=float((std * fit.space.per_unit(fit.x))[fit.space.p + place]),
         values={n: float(v) for n, v in zip(fit.space.parameters.names, values, strict=True)},
         chi2=fit.total,
         drop=before.fit.total - fit.total,

@@ -34,7 +34,7 @@ from scipy.interpolate import PchipInterpolator
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import augmented_residual
-from inversion.estimation.unknowns import Unknowns
+from inversion.estimation.unknowns import Scale, Unknowns
 from inversion.problem.state import State
 
 #: Change of a slope over the range of one unknown, as a share of the slope.
@@ -43,6 +43,8 @@ BEND = 0.5
 LOCAL, LENGTH = 0.06, 0.5
 #: Noise of a slope taken from two runs about this far apart, in units of the noise of a run.
 SLOPE_STEP = 0.25
+#: Counts of an amplitude on either side between which the slope of a ladder is taken.
+STEP = 0.05
 #: Half-width in the parameters within which a surrogate may be believed at all.
 REACH = 3.0
 #: Runs whose parameters are farther from the anchor than this follow other bends.
@@ -56,26 +58,29 @@ class Ladder:
     Attributes:
         amplitudes: of the runs, ascending, with 0 among them, (n,).
         changes: of all predictions, (n, m); nothing at 0.
+        scale: on which a change lies between those of its neighbours.
     """
 
     amplitudes: np.ndarray
     changes: np.ndarray
+    scale: Scale = Scale()
 
     @cached_property
     def _curve(self) -> PchipInterpolator:
-        return PchipInterpolator(self.amplitudes, self.changes, axis=0)
+        counts = [self.scale.count(amplitude) for amplitude in self.amplitudes]
+        return PchipInterpolator(counts, self.changes, axis=0)
 
     def change(self, amplitude: float) -> np.ndarray:
         """Change of all predictions (m,); beyond the ladder in proportion to its last rung."""
         first, last = self.amplitudes[0], self.amplitudes[-1]
         if amplitude > last > 0.0:
-            return self.changes[-1] * (amplitude / last)
+            return self.changes[-1] * (self.scale.count(amplitude) / self.scale.count(last))
         if amplitude < first < 0.0:
-            return self.changes[0] * (amplitude / first)
+            return self.changes[0] * (self.scale.count(amplitude) / self.scale.count(first))
         if not first <= amplitude <= last:
             # Only one sign was run: the other is taken as its mirror image.
             return -self.change(-amplitude)
-        return self._curve(amplitude)
+        return self._curve(self.scale.count(amplitude))
 
     @property
     def rungs(self) -> np.ndarray:
@@ -115,10 +120,10 @@ class Surface:
         columns = [self.derivative[:, place] for place in range(space.p)]
         for effect in space.effects:
             if effect.name in other:
-                ladder, here = self.ladders[effect.name], other[effect.name]
-                step = 0.05 * effect.unit
-                change = ladder.change(here + step) - ladder.change(here - step)
-                columns.append(change * (effect.unit / (2.0 * step)))
+                ladder, scale = self.ladders[effect.name], effect.scale
+                here = scale.count(other[effect.name])
+                ahead, behind = (scale.amplitude(here + step) for step in (STEP, -STEP))
+                columns.append((ladder.change(ahead) - ladder.change(behind)) / (2.0 * STEP))
             else:
                 place = self.space.p + self.space.names.index(effect.name)
                 columns.append(self.derivative[:, place])
@@ -138,7 +143,9 @@ class Surface:
         An effect of the anchor that the other model lacks has amplitude 0 there.
         """
         amplitudes = space.amplitudes(x)
-        own = [amplitudes.pop(effect.name, 0.0) / effect.unit for effect in self.space.effects]
+        own = [
+            effect.scale.count(amplitudes.pop(effect.name, 0.0)) for effect in self.space.effects
+        ]
         return np.concatenate([x[: space.p], own]), amplitudes
 
 
@@ -176,7 +183,7 @@ def spreads(
     for place, effect in enumerate(space.effects):
         if effect.name in surface.ladders:
             change[space.p + place] = np.linalg.norm(
-                data.whitened(surface.ladders[effect.name].change(effect.unit))
+                data.whitened(surface.ladders[effect.name].change(effect.scale.amplitude(1.0)))
             )
     new = np.array([effect.name in surface.ladders for effect in space.effects], dtype=bool)
     slope = np.full(space.size, 1.0 / (np.sqrt(2.0) * SLOPE_STEP))
@@ -192,7 +199,7 @@ def spreads(
 def anchor_of(surface: Surface, space: Unknowns) -> np.ndarray:
     """The surface's anchor among the unknowns of another model, (q,)."""
     own = surface.space.amplitudes(surface.x)
-    amplitudes = [own.get(effect.name, 0.0) / effect.unit for effect in space.effects]
+    amplitudes = [effect.scale.count(own.get(effect.name, 0.0)) for effect in space.effects]
     return np.concatenate([surface.x[: space.p], amplitudes])
 
 
@@ -257,7 +264,7 @@ class Surrogate:
             x = np.concatenate(
                 [
                     self.space.parameters.to_fitted(np.array(state.values)),
-                    [amplitudes.get(name, 0.0) / effect.unit for name, effect in place.items()],
+                    [one.scale.count(amplitudes.get(name, 0.0)) for name, one in place.items()],
                 ]
             )
             own = np.concatenate([np.arange(self.space.p), self._own])

@@ -4,7 +4,7 @@ Strengths and densities are fitted as logarithms, friction angles as they are. E
 is then divided by what was known of it beforehand, so that a step of one means the same for each:
 the prior's standard deviation, or the width of the bounds / sqrt(12) (all values between them
 equally likely) where no prior is given. Amplitudes are counted in units of a middle rung of their
-ladder:
+ladder, or in decades (`Scale`):
 
     x = [fitted parameters, amplitude / unit].
 
@@ -195,6 +195,39 @@ class Parameters:
 
 
 @dataclass(frozen=True)
+class Scale:
+    """How an amplitude is counted: 0 is none.
+
+    Attributes:
+        unit: amplitude that counts as 1.
+        decades: each count beyond 1 is ten times the amplitude before; else each is one more unit.
+    """
+
+    unit: float = 1.0
+    decades: bool = False
+
+    def count(self, amplitude: float) -> float:
+        """Counts of an amplitude; in decades none below a tenth of the unit."""
+        if not self.decades:
+            return amplitude / self.unit
+        return max(1.0 + math.log10(amplitude / self.unit), 0.0) if amplitude > 0.0 else 0.0
+
+    def amplitude(self, count: float) -> float:
+        """Amplitude of a count."""
+        if not self.decades:
+            return count * self.unit
+        return self.unit * 10.0 ** (count - 1.0) if count > 0.0 else 0.0
+
+    def slope(self, count: float) -> float:
+        """Derivative of the amplitude by its count."""
+        return self.amplitude(count) * math.log(10.0) if self.decades else self.unit
+
+    def spread(self, mean: float, std: float) -> float:
+        """Standard deviation (in counts) of an amplitude with a mean and a standard deviation."""
+        return std / self.slope(self.count(mean)) if self.decades else std / self.unit
+
+
+@dataclass(frozen=True)
 class Amplitude:
     """One effect of a model as an unknown.
 
@@ -202,7 +235,7 @@ class Amplitude:
         name: of the effect.
         low: lower bound of the amplitude.
         high: upper bound of the amplitude.
-        unit: amplitude that counts as 1 in x.
+        scale: how it is counted in x.
         mean: most likely amplitude beforehand; None: any between the bounds.
         std: its standard deviation; None with `mean`.
         choices: equally likely forms of the effect, of which this is one.
@@ -214,10 +247,22 @@ class Amplitude:
     name: str
     low: float
     high: float
-    unit: float
+    scale: Scale
     mean: float | None = None
     std: float | None = None
     choices: int = 1
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Bounds of x."""
+        return self.scale.count(self.low), self.scale.count(self.high)
+
+    @property
+    def prior(self) -> tuple[float, float] | None:
+        """Mean and standard deviation of x; None: any between the bounds."""
+        if self.mean is None or self.std is None:
+            return None
+        return self.scale.count(self.mean), self.scale.spread(self.mean, self.std)
 
     @property
     def held(self) -> bool:
@@ -232,11 +277,13 @@ class Amplitude:
         """
         if self.held:
             return 0.0
-        if self.std is not None and self.mean is not None:
-            low, high = ((bound - self.mean) / self.std for bound in (self.low, self.high))
-            within = max(float(ndtr(high) - ndtr(low)), LEAST_WITHIN)
-            return math.log(math.sqrt(2.0 * math.pi) * within * self.std / self.unit)
-        return math.log((self.high - self.low) / self.unit)
+        bottom, top = self.bounds
+        if self.prior is None:
+            return math.log(top - bottom)
+        mean, std = self.prior
+        low, high = ((bound - mean) / std for bound in (bottom, top))
+        within = max(float(ndtr(high) - ndtr(low)), LEAST_WITHIN)
+        return math.log(math.sqrt(2.0 * math.pi) * within * std)
 
 
 @dataclass(frozen=True)
@@ -271,13 +318,13 @@ class Unknowns:
     @cached_property
     def low(self) -> np.ndarray:
         """Lower bounds of x, (q,)."""
-        amplitudes = [effect.low / effect.unit for effect in self.effects]
+        amplitudes = [effect.bounds[0] for effect in self.effects]
         return np.concatenate([self.parameters.fitted_low, amplitudes])
 
     @cached_property
     def high(self) -> np.ndarray:
         """Upper bounds of x, (q,)."""
-        amplitudes = [effect.high / effect.unit for effect in self.effects]
+        amplitudes = [effect.bounds[1] for effect in self.effects]
         return np.concatenate([self.parameters.fitted_high, amplitudes])
 
     @cached_property
@@ -295,11 +342,12 @@ class Unknowns:
         blocks = [np.hstack([rows, np.zeros((len(rows), len(self.effects)))])]
         totals = [constants]
         for place, effect in enumerate(self.effects):
-            if effect.std is not None and effect.mean is not None:
+            if effect.prior is not None:
+                mean, std = effect.prior
                 row = np.zeros((1, self.size))
-                row[0, self.p + place] = effect.unit / effect.std
+                row[0, self.p + place] = 1.0 / std
                 blocks.append(row)
-                totals.append(np.array([effect.mean / effect.std]))
+                totals.append(np.array([mean / std]))
         return np.concatenate(blocks), np.concatenate(totals)
 
     @property
@@ -314,8 +362,8 @@ class Unknowns:
     def amplitudes(self, x: np.ndarray) -> dict[str, float]:
         """Amplitudes by name."""
         return {
-            effect.name: float(share * effect.unit)
-            for effect, share in zip(self.effects, x[self.p :], strict=True)
+            effect.name: float(effect.scale.amplitude(count))
+            for effect, count in zip(self.effects, x[self.p :], strict=True)
         }
 
     def state(self, x: np.ndarray, *, seed: int = 0) -> State:
@@ -343,7 +391,10 @@ class Unknowns:
     def per_unit(self, x: np.ndarray) -> np.ndarray:
         """Derivative of values and amplitudes by x, (q,): turns a std of x into outside units."""
         slopes = self.parameters.value_per_fitted(self.values(x))
-        return np.concatenate([slopes, [effect.unit for effect in self.effects]])
+        amplitudes = [
+            one.scale.slope(count) for one, count in zip(self.effects, x[self.p :], strict=True)
+        ]
+        return np.concatenate([slopes, amplitudes])
 
     def with_effects(self, effects: Sequence[Amplitude]) -> Unknowns:
         """The same parameters with these effects in place of its own."""

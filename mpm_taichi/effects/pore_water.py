@@ -125,6 +125,7 @@ EFFECT = Effect(
         high=1e6,
         ladder=(0.1, 1.0, 10.0),
         meaning="factor on the permeabilities of the materials; 1 where a scene does not say",
+        decades=True,
     ),
     parameters=(
         Parameter(

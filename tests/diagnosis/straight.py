@@ -81,6 +81,8 @@ class Straight:
         readings: measured values, (SIZE,).
         noise: standard deviation of a run's own noise, the same for all numbers [m].
         bent: effects that go with the square of their amplitude.
+        decades: effects that go with the decades of their amplitude from 0.01 on; the case asks for
+            them.
         broken: amplitudes from which runs with an effect fail.
         skewed: effect -> (another, share): with finer cells it does so much of the other, too.
         cells: what finer cells change in every run [m], (SIZE,); None: nothing.
@@ -92,6 +94,7 @@ class Straight:
     readings: np.ndarray
     noise: float = 0.0
     bent: tuple[str, ...] = ()
+    decades: tuple[str, ...] = ()
     broken: Mapping[str, float] = field(default_factory=dict)
     skewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     cells: np.ndarray | None = None
@@ -107,6 +110,22 @@ class Straight:
         self.candidates = [
             Candidate(name, "physics", name, "m", -3.0, 3.0, (-2.0, -1.0, -0.4, 0.4, 1.0, 2.0))
             for name in signatures()
+            if name not in self.decades
+        ] + [
+            Candidate(
+                name,
+                "physics",
+                name,
+                "m",
+                0.01,
+                100.0,
+                (0.1, 1.0, 10.0),
+                1.0,
+                1.15,
+                decades=True,
+                asked=True,
+            )  # fmt: skip
+            for name in self.decades
         ]
         self.curves = []
         self._kept: dict[State, np.ndarray] = {}
@@ -127,7 +146,7 @@ class Straight:
 
     def slope(self, space: Unknowns) -> np.ndarray:
         """Derivative by the unknowns of a space, (SIZE, q)."""
-        columns = [signatures()[effect.name] * effect.unit for effect in space.effects]
+        columns = [signatures()[effect.name] * effect.scale.unit for effect in space.effects]
         return np.column_stack([slopes(), *columns])
 
     def error_std(self, state: State) -> np.ndarray:
@@ -152,6 +171,8 @@ class Straight:
             if abs(amplitude) >= self.broken.get(name, np.inf):
                 return np.full(SIZE, np.nan)
             power = amplitude * abs(amplitude) if name in self.bent else amplitude
+            if name in self.decades:
+                power = 2.0 + np.log10(amplitude)
             found = found + power * signatures()[name]
             if name in self.skewed and state.numerics == "fine":
                 other, share = self.skewed[name]

@@ -190,7 +190,7 @@ def test_numbers_that_were_not_measured_are_read_from_the_runs():
     mean, slope = read_at(model, found.comparison, fit.space, fit.x)
     (exact,) = model.propose([fit.space.state(fit.x)])
     assert mean == pytest.approx(exact, abs=0.05)
-    unit = fit.space.effects[0].unit
+    unit = fit.space.effects[0].scale.unit
     assert slope[:, 2] == pytest.approx([1.0 * unit, 2.0 * unit, 0.0], abs=0.1)
     assert slope[2, 0] == pytest.approx(3.0, abs=0.3)
 

@@ -55,7 +55,7 @@ def test_a_refit_follows_the_parameters_to_an_amplitude_beyond_the_ladder(seed):
     assert amplitude == pytest.approx(2.8, abs=0.8)
     # No worse than a search that is given its starting point.
     told = np.concatenate([model.parameters.to_fitted(np.array([8.0, 32.0])),
-                           [2.8 / found.fit.space.effects[0].unit]])  # fmt: skip
+                           [2.8 / found.fit.space.effects[0].scale.unit]])  # fmt: skip
     best = refitted(comparison, explanation, "late", near=told)
     assert found.fit.total < best.fit.total + 1.0
 

@@ -31,7 +31,7 @@ from diagnosis.selection.tried_models import (
 from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.surface_search import Fit
-from inversion.estimation.unknowns import Amplitude
+from inversion.estimation.unknowns import Amplitude, Scale
 from tests.diagnosis import straight as straight_model
 from tests.diagnosis.straight import X, signatures, straight
 
@@ -133,7 +133,7 @@ def refitted(ln_evidence: float, total: float, held_out: float, *names: str) -> 
     """As much of a refit as acceptance looks at; five numbers held out."""
     p = float(np.exp(-0.5 * max(held_out - 3.0, 0.0)))
     case = straight(0, {})
-    space = case.space([Amplitude(name, 0.0, 1.0, 1.0) for name in names])
+    space = case.space([Amplitude(name, 0.0, 1.0, Scale()) for name in names])
     x = np.concatenate([np.zeros(2), np.full(len(names), 0.5)])
     fit = Fit(space, x, np.zeros(1), np.zeros((1, 2)), total)
     return FittedModel(fit, ln_evidence, HeldOutMisfit(held_out, 5, p, -0.5 * held_out), None)
@@ -309,6 +309,26 @@ def test_next_to_a_first_effect_only_what_promises_something_is_refitted():
     assert promising({"faint": 2.5}) == [("a", "b")]
 
 
+def test_what_a_case_asks_for_is_refitted_whatever_it_promises():
+    asked = Options(draws=400, replicates=2, seed=2, refitted=1)
+    for decades in ((), ("step",)):
+        found = diagnose(straight(2, {"late": 2.0}, decades=decades), asked)
+        assert (("step",) in found.tried_models.models) is bool(decades)
+
+
+def test_an_amplitude_known_to_a_factor_is_found_between_the_decades():
+    hidden = 10.0**0.4
+    model = straight(1, {"late": 2.0 + np.log10(hidden)}, decades=("late",))
+    found = diagnose(model, Options(draws=400, replicates=3, seed=1))
+    assert found.decision.final.model.names == ("late",)
+    fit = found.decision.final.model.fit
+    amplitude = fit.space.amplitudes(fit.x)["late"]
+    assert abs(np.log10(amplitude / hidden)) < 0.15
+    (answer,) = verdict_document(found, case="c", title="t").answer.effects
+    low, high = answer.interval_95
+    assert low < hidden < high and answer.std < hidden
+
+
 def test_a_further_effect_must_be_worth_having_without_the_error_of_the_first():
     """An error that forgives everything makes a worse model look as good as any."""
     now = refitted(-60.0, 160.0, 8.0, "late")
@@ -434,7 +454,7 @@ def test_an_amplitude_on_its_bound_is_no_answer_and_a_rival_all_the_same():
     assert why_not(BASE, good, Options()) == ""
     at_end = replace(good, fit=replace(good.fit, x=np.array([0.0, 0.0, 1.0])))
     assert why_not(BASE, at_end, Options()).startswith("late is at its bound")
-    held = straight(0, {}).space([Amplitude("late", 1.0, 1.0, 1.0)])
+    held = straight(0, {}).space([Amplitude("late", 1.0, 1.0, Scale())])
     switch = replace(good, fit=replace(good.fit, space=held, x=np.array([0.0, 0.0, 1.0])))
     assert why_not(BASE, switch, Options()) == "", "a switch has none"
     tried_models = TriedModels({(): BASE, at_end.names: at_end})

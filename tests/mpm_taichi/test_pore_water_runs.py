@@ -190,9 +190,13 @@ def test_no_clock_states_what_the_water_gives():
     assert not {"pore_water", *BY_THE_CLOCK} & {one.name for one in found}
     assert "`effects: {pore_water: 0}` in the scene puts it on trial" in left_out["pore_water"]
     found, _ = acting_candidates(wet.changed(effects={"pore_water": 0.0}))
-    ladders = {one.name: one.ladder for one in found}
-    assert ladders["pore_water"] == (0.1, 1.0, 10.0)
-    assert {"late_liquefaction", "spreading_liquefaction"} <= set(ladders)
+    there = {one.name: one for one in found}
+    assert there["pore_water"].ladder == (0.1, 1.0, 10.0)
+    assert {"late_liquefaction", "spreading_liquefaction"} <= set(there)
+    assert {name for name, one in there.items() if one.asked} == {"pore_water"}
+    # k is known to a factor of 3: decades are alike, and 68 % of them within a half of 1.
+    assert there["pore_water"].counted_prior == pytest.approx((2.0, 0.5))
+    assert there["pore_water"].most_of(10.0) == pytest.approx(3.5 / 3.0)
     _, left_out = acting_candidates(bank())
     assert "no soil with a permeability_m_per_s" in left_out["pore_water"]
 

@@ -56,6 +56,7 @@ class Amplitude:
             signature in the measurements is taken.
         meaning: in words.
         two_signed: a negative amplitude means the opposite.
+        decades: what counts is how many times as large it is: known to a factor, not to a share.
         si: factor from `unit` to SI; the hooks on points and nodes see SI.
     """
 
@@ -65,6 +66,7 @@ class Amplitude:
     ladder: tuple[float, float, float]
     meaning: str
     two_signed: bool = False
+    decades: bool = False
     si: float = 1.0
 
 
