@@ -16,6 +16,9 @@ PARTS = (
 )  # fmt: skip
 """Modules with a `TITLE` and a `run(folder, quick=...)`, in the order of the page."""
 
+LONG_NOTE = 100
+"""Characters from which on the note of a figure that is met stays in the records."""
+
 
 class Validation(Study):
     """What the back-analysis must show."""
@@ -73,10 +76,11 @@ class Validation(Study):
     def part(self, name: str, record: Record) -> str:
         """Heading, explanation, picture and table of one part."""
         rows = [
-            (row.quantity, row.measured, row.asked, self.verdict(row), row.note)
+            (row.quantity, row.measured, row.asked, self.verdict(row),
+             "" if row.met and len(row.note) > LONG_NOTE else row.note)
             for row in self.rows_of(record)
-        ]
+        ]  # fmt: skip
         header = ("quantity", *self.columns, "", "note")
         version = record["physics"]["mpm"]
-        remark = f" (kept runs cost nothing), {record['made']}, solver version {version}"
+        remark = f", solver version {version}"
         return self.section(name, record, table(header, rows, "lrlll"), remark)

@@ -200,13 +200,13 @@ def page(record: dict[str, Any]) -> dict[str, str]:
         rows = [
             [g["group"], str(g["numbers"]), f"{g['rms']:.3f}",
              f"**{g['largest']:.2f}**" if g["largest"] > BOUND else f"{g['largest']:.2f}",
-             str(g["beyond"]), f"{g['where']}: {g['fast']:.3g}, slow {g['slow']:.3g}"]
+             f"{g['where']}: {g['fast']:.3g}, slow {g['slow']:.3g}" if g["beyond"] else ""]
             for g in one["groups"]
         ]  # fmt: skip
-        header = ["numbers of", "how many", "rms", "largest", "beyond 1/3", "the largest"]
+        header = ["numbers of", "how many", "rms", "largest", "beyond 1/3"]
         parts.append(
             f"### {title}, {one['spacing_m']:g} and {one['coarse_spacing_m']:g} m\n\n{answers}.\n\n"
-            f"{'; '.join(runs)}.\n\n{table(header, rows, 'lrrrrl')}\n"
+            f"{'; '.join(runs)}.\n\n{table(header, rows, 'lrrrl')}\n"
         )
     cells = record.get("cells", [])
     rows = []
