@@ -202,7 +202,7 @@ class Study(ABC):
         parts = [f'<a id="{name}"></a>', f"## {record['title']}", self.shown(name, record)]
         if (self.pictures / self.picture(name)).is_file():
             shown = f"../images/{self.page.stem}/{self.picture(name)}"
-            parts.append(f"![{record['title']}]({shown})")
+            parts.append(f"![{name}]({shown})")
         parts.append(rows)
         if record["error"]:
             parts.append(f"Did not run to its end: {record['error']}")

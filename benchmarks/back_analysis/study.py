@@ -16,7 +16,7 @@ PARTS = (
 )  # fmt: skip
 """Modules with a `TITLE` and a `run(folder, quick=...)`, in the order of the page."""
 
-LONG_NOTE = 100
+LONG_NOTE = 60
 """Characters from which on the note of a figure that is met stays in the records."""
 
 
@@ -76,11 +76,16 @@ class Validation(Study):
     def part(self, name: str, record: Record) -> str:
         """Heading, explanation, picture and table of one part."""
         rows = [
-            (row.quantity, row.measured, row.asked, self.verdict(row),
-             "" if row.met and len(row.note) > LONG_NOTE else row.note)
+            (_with_note(row), row.measured, row.asked, self.verdict(row))
             for row in self.rows_of(record)
-        ]  # fmt: skip
-        header = ("quantity", *self.columns, "", "note")
+        ]
+        header = ("quantity", *self.columns, "")
         version = record["physics"]["mpm"]
         remark = f", solver version {version}"
-        return self.section(name, record, table(header, rows, "lrlll"), remark)
+        return self.section(name, record, table(header, rows, "lrll"), remark)
+
+
+def _with_note(row: Figure) -> str:
+    """What was measured, with its note; a long note of a figure that is met is left out."""
+    shown = row.note and not (row.met and len(row.note) > LONG_NOTE)
+    return f"{row.quantity} ({row.note})" if shown else row.quantity

@@ -2,7 +2,7 @@
 
 The docstring of a case gives formula, source and what limits the accuracy. The page shows that
 text (where all rows pass: its first paragraph and its formulas), the picture, the rows outside
-their tolerance and those that come closest to it.
+their tolerance and the one that comes closest to it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ORDER = ("material_paths", "elastic_column", "block_on_incline", "free_motion")
 """Cases that come first in the table, from the single point to the moving mass; others follow."""
 
 ALIGN = "lrrrrl"
-CLOSEST = 2
+CLOSEST = 1
 """Rows of a case that the page shows next to those outside their tolerance."""
 
 
