@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from mpm_taichi.effects.framework.base import Effect
@@ -9,7 +10,7 @@ from pipeline.units import with_signs
 
 
 def effects_table(effects: Iterable[Effect]) -> str:
-    """A Markdown table of effects: what each is, its law, its amplitude, its parameters."""
+    """A Markdown table of effects: what each is, its law, its amplitude, its parameters in short."""
     rows = ["| effect | because ... | law | amplitude | parameters |", "|---|---|---|---|---|"]
     for one in effects:
         cells = (f"`{one.name}`", one.words, one.equation, _amplitude(one), _parameters(one))
@@ -38,7 +39,12 @@ def _amplitude(one: Effect) -> str:
 
 
 def _parameters(one: Effect) -> str:
-    return "; ".join(f"`{p.name}` {p.default:g}: {p.meaning}" for p in one.parameters) or "none"
+    """Names, defaults, and the first words of each meaning: its symbol in the law."""
+    shown = (
+        f"`{p.name}` {p.default:g}: {re.split('[,;:(]', p.meaning)[0].rstrip()}"
+        for p in one.parameters
+    )
+    return "; ".join(shown) or "none"
 
 
 def _parameter(p) -> str:  # noqa: ANN001
