@@ -112,11 +112,8 @@ class Verification(Study):
         """Every case: explanation, picture, rows."""
         made = []
         for name, record in records.items():
-            total, missed = len(record[self.rows]), len(self.missed(record))
-            state = f"{missed} outside" if missed else "all within"
-            remark = f": {total} rows, {state}"
             rows = table(("quantity", *self.columns, ""), self.table_rows(record), ALIGN)
-            made.append(self.section(name, record, rows, remark))
+            made.append(self.section(name, record, rows, ""))
         return "\n".join(made)
 
     def shown(self, name: str, record: Record) -> str:

@@ -93,7 +93,7 @@ def test_the_page_has_the_misses_and_what_comes_closest_to_one(place, capsys):
     place.study.keep("first", place.study.record("first", "First", [*rows, BAD], 1.0, ""))
     page = (place.folder / "verification.md").read_text()
     shown = [share for share in shares if f"| used {share} |" in page]
-    assert shown == [0.9] and "**FAIL**" in page and ": 6 rows, 1 outside." in page
+    assert shown == [0.9] and "**FAIL**" in page and "| 6 | 5 | length |" in page
     capsys.readouterr()
     assert place.study.main(["first", "--stored"]) == 0 and not place.calls
     printed = capsys.readouterr().out
