@@ -17,7 +17,7 @@ PARTS = (
 """Modules with a `TITLE` and a `run(folder, quick=...)`, in the order of the page."""
 
 LONG_NOTE = 60
-"""Characters from which on the note of a figure that is met stays in the records."""
+"""Characters from which on the note of a figure stays in the records, unless it is missed."""
 
 
 class Validation(Study):
@@ -86,6 +86,6 @@ class Validation(Study):
 
 
 def _with_note(row: Figure) -> str:
-    """What was measured, with its note; a long note of a figure that is met is left out."""
-    shown = row.note and not (row.met and len(row.note) > LONG_NOTE)
+    """What was measured, with its note; a long note is shown only where something is missed."""
+    shown = row.note and (row.met is False or len(row.note) <= LONG_NOTE)
     return f"{row.quantity} ({row.note})" if shown else row.quantity
