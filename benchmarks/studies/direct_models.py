@@ -105,9 +105,7 @@ def page(card: dict, noise: dict[str, float]) -> str:
         "Asked were a median of 1.5 d and 5 % of far runouts, intervals that hold 85 to 95 %, and "
         f"20 ms a case. The solver itself was run on {ELSEWHERE} of them with its points "
         "elsewhere: there is more to learn. "
-        f"{_request()} No case history was learned from; but that there are dams of hydraulic fill "
-        "comes from the error at Lower San Fernando without them ([what "
-        "decided](#training)).",
+        f"{_request()}",
         "",
         "![Deposits](../images/direct/deposits.png)",
         "",
