@@ -1,8 +1,8 @@
 """The verification as a study: its cases, its records, and its pages.
 
 The docstring of a case gives formula, source and what limits the accuracy. The page shows that
-text (where all rows pass: its first paragraph and its formulas), the picture, the rows outside
-their tolerance and the one that comes closest to it.
+text (where all rows pass: its first paragraph), the picture, the rows outside their tolerance and
+the one that comes closest to it.
 """
 
 from __future__ import annotations
@@ -117,9 +117,9 @@ class Verification(Study):
         return "\n".join(made)
 
     def shown(self, name: str, record: Record) -> str:
-        """All of the explanation where a row fails, else its first paragraph and its formulas."""
+        """All of the explanation where a row fails, else its first paragraph."""
         whole = self.explanation(name)
-        return whole if self.missed(record) else _essence(whole)
+        return whole if self.missed(record) else whole.partition("\n\n")[0]
 
     def table_rows(self, record: Record) -> list[tuple[str, ...]]:
         """The rows of a record that the page shows, as cells."""
@@ -134,17 +134,6 @@ class Verification(Study):
              self.verdict(row))
             for number, row in enumerate(rows) if number not in hidden
         ]  # fmt: skip
-
-
-def _essence(text: str) -> str:
-    """The first paragraph of a text and its formulas, each with the paragraph that leads to it."""
-    parts = text.split("\n\n")
-    formulas = {number for number, part in enumerate(parts) if part.startswith("    ")}
-    kept = {0} | formulas | {number - 1 for number in formulas}
-    return "\n\n".join(
-        parts[number] if number + 1 in kept else parts[number].rstrip(",;")
-        for number in sorted(kept)
-    )
 
 
 def _share_used(row: Row) -> float:
