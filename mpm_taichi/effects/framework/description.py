@@ -10,7 +10,7 @@ from pipeline.units import with_signs
 
 
 def effects_table(effects: Iterable[Effect]) -> str:
-    """A Markdown table of effects: what each is, its law, its amplitude, its parameters in short."""
+    """A Markdown table of effects: what each is, its law, its amplitude, its parameters."""
     rows = ["| effect | because ... | law | amplitude | parameters |", "|---|---|---|---|---|"]
     for one in effects:
         cells = (f"`{one.name}`", one.words, one.equation, _amplitude(one), _parameters(one))
