@@ -1,6 +1,7 @@
 """What was measured and not fitted.
 
-Numbers that are held out of the fit or only compared.
+Numbers that are held out of the fit or only compared; the report of every back-analysis shows them
+as this table does.
 """
 
 from __future__ import annotations
