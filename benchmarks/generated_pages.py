@@ -202,7 +202,7 @@ class Study(ABC):
         parts = [f'<a id="{name}"></a>', f"## {record['title']}", self.shown(name, record)]
         if (self.pictures / self.picture(name)).is_file():
             shown = f"../images/{self.page.stem}/{self.picture(name)}"
-            parts.append(f"![{record['title']}]({shown})")
+            parts.append(f"![{name}]({shown})")
         parts.append(rows)
         if record["error"]:
             parts.append(f"Did not run to its end: {record['error']}")
@@ -225,6 +225,9 @@ class Study(ABC):
         result.add_argument("--list", action="store_true", help=f"print the names of the {noun}s")
         result.add_argument(
             "--page", action="store_true", help="run nothing, renew the page from what is stored"
+        )
+        result.add_argument(
+            "--stored", action="store_true", help="run nothing, print every row that is stored"
         )
         result.add_argument(
             "--quick",
@@ -258,7 +261,11 @@ class Study(ABC):
                 raise InputError(f"{self.noun} {name!r} is unknown: allowed are {', '.join(known)}")
         folder = options.out or (None if options.quick else self.pictures)
         stored, done = self.read(), {}
-        for name in [one for one in known if one in (options.parts or known)]:
+        asked = [one for one in known if one in (options.parts or known)]
+        if options.stored:
+            self.print_table({name: stored[name] for name in asked if name in stored})
+            return 0
+        for name in asked:
             if options.resume and not options.quick and self.is_current(name, stored.get(name)):
                 done[name] = stored[name]
                 continue
@@ -295,7 +302,8 @@ class Study(ABC):
             for row in self.rows_of(record):
                 style = {True: "green", False: "bold red", None: "none"}[self.met(row)]
                 *texts, verdict = self.cells(row)
-                shown.add_row(name, row.quantity, *texts, f"[{style}]{verdict}[/]")
+                quantity = f"{row.quantity} ({row.note})" if row.note else row.quantity
+                shown.add_row(name, quantity, *texts, f"[{style}]{verdict}[/]")
             if record["error"]:
                 empty = [""] * len(self.columns)
                 shown.add_row(name, record["error"], *empty, "[bold red]FAIL[/]")

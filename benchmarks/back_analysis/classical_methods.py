@@ -2,8 +2,8 @@
 
 Kinetics, ZIF and IMM by `flowslide classical`, each with the range over its judgement calls,
 compared with figures found independently beforehand on the same section (buoyant, 53 m) and
-published ones. The differences are explained in docs/method/classical.md: the section after the
-slide is constructed.
+published ones; the section after the slide is constructed ([why they
+differ](../method/classical.md#lower-san-fernando)).
 """
 
 from __future__ import annotations

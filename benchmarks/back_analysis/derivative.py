@@ -3,7 +3,7 @@
 The derivative that the search uses (one-sided differences, one batch, common points, steps chosen
 from the noise) compared with central differences at the same place, of the same width to either
 side, averaged over eight jitters of the points. An angle whose effect is lost in the scatter of
-these eight has no derivative that could be compared: it is reported but not judged.
+these eight is reported but not judged.
 """
 
 from __future__ import annotations

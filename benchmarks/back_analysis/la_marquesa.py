@@ -3,8 +3,7 @@
 S_r of materials 1, 2 and 6 from 11 / 12 / 10.5 kPa, where nothing moves, for the two sets of
 runouts that the paper gives: `field` (11 m upstream, 6.5 m downstream, its appendix) and `paper`
 (2.5 and 10 m, its back-analysis). Two toes cannot fix three strengths: the answer is the triple
-nearest to the ratios of the first guesses, and the segment of other triples that fit as well is
-walked from it to either side. The paper's single triple is 4.2 / 4.6 / 4.0 kPa.
+nearest to the ratios of the first guesses, with the segment of other triples that fit as well.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Lower San Fernando: the paper's question.
 
-The paper's question: S_r of material 1 with the friction of materials 6 and 7, first guess 30
-kPa, 30 and 30 degrees, target 53 m, loss (runout error)^2 < 0.1 m2; Gauss-Newton (default) and
-L-BFGS-B (the paper's search), its section, no reservoir: the case `lower_san_fernando_paper`.
-Counted are all simulations, those of the derivative and of the noise included.
+S_r of material 1 with the friction of materials 6 and 7, first guess 30 kPa, 30 and 30 degrees,
+target 53 m, loss (runout error)^2 < 0.1 m2, no reservoir (the case `lower_san_fernando_paper`), by
+Gauss-Newton (default) and L-BFGS-B (the paper's search). Counted are all simulations.
 
 The three starts are the first guess, 0.65 and 1.6 times its strength with other friction angles.
 The scatter is that of the answer found again on eight jitters of the points.

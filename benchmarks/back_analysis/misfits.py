@@ -1,7 +1,7 @@
 """What was measured and not fitted.
 
-The numbers below are held out of the fit or only compared; the report of every back-analysis
-shows them as this table does.
+Numbers that are held out of the fit or only compared; the report of every back-analysis shows them
+as this table does.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Lower San Fernando: the published section, and what its water does.
 
-The published digital section with the pool as pressure in and on the soil (the default), as reduced
-weight alone, and without it; a bonded base; the ends of the measured runout. Next to them: Olson
-and Stark (2002) 18.7 kPa (15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa (recalled).
+The published digital section and other readings of it. Published: Olson and Stark (2002) 18.7 kPa
+(15.8-21.8), the paper 18.9 kPa, Weber (2015) 25.8 kPa (recalled).
 """
 
 from __future__ import annotations

@@ -16,6 +16,9 @@ PARTS = (
 )  # fmt: skip
 """Modules with a `TITLE` and a `run(folder, quick=...)`, in the order of the page."""
 
+LONG_NOTE = 60
+"""Characters from which on the note of a figure stays in the records, unless it is missed."""
+
 
 class Validation(Study):
     """What the back-analysis must show."""
@@ -73,10 +76,16 @@ class Validation(Study):
     def part(self, name: str, record: Record) -> str:
         """Heading, explanation, picture and table of one part."""
         rows = [
-            (row.quantity, row.measured, row.asked, self.verdict(row), row.note)
+            (_with_note(row), row.measured, row.asked, self.verdict(row))
             for row in self.rows_of(record)
         ]
-        header = ("quantity", *self.columns, "", "note")
+        header = ("quantity", *self.columns, "")
         version = record["physics"]["mpm"]
-        remark = f" (kept runs cost nothing), {record['made']}, solver version {version}"
-        return self.section(name, record, table(header, rows, "lrlll"), remark)
+        remark = f", solver version {version}"
+        return self.section(name, record, table(header, rows, "lrll"), remark)
+
+
+def _with_note(row: Figure) -> str:
+    """What was measured, with its note; a long note is shown only where something is missed."""
+    shown = row.note and (row.met is False or len(row.note) <= LONG_NOTE)
+    return f"{row.quantity} ({row.note})" if shown else row.quantity

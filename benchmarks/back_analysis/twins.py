@@ -5,13 +5,13 @@ zone, and both dams, simulated with jittered points at 0.8 times the spacing of 
 are the toe (standard deviation 3 % of the section's height) and 14 points of the surface (1.5 %),
 with random errors; the case grants the model half a spacing (`model_std_m`). The tool answers
 from three first guesses that know nothing of the truth (20 kPa for every template). A section is
-left out where S_r does not decide the runout: where the slide is shorter than 0.3 heights,
-reaches the wall, or would stop less than 0.1 heights earlier with 30 % more strength. The search
-was improved on another set of twins; of these themselves one thing was learned, to take noise off
-the derivative (without it, and with errors in kPa, 90 % lie within 2 standard deviations).
+left out where S_r does not decide the runout: the slide is shorter than 0.3 heights, reaches the
+wall, or would stop less than 0.1 heights earlier with 30 % more strength. The search was improved
+on another set of twins; of these themselves one thing was learned, to take noise off the derivative
+(without it, and with errors in kPa, 90 % lie within 2 standard deviations).
 
-The standard deviation that is judged is `std_total`: the survey's errors, the scatter over jitter
-seeds, and the change of the answer when the cells are 1.5 times as large.
+Judged is `std_total`: the survey's errors, the scatter over jitter seeds, and the change of the
+answer when the cells are 1.5 times as large.
 """
 
 from __future__ import annotations

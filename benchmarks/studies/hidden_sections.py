@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.generated_pages import ROOT, renew
+from benchmarks.studies.posterior_calibration import coverage_rows
 from geometry.case import load_case
 from geometry.dimensions.family import SectionFamily
 from geometry.dimensions.stated import SlideDimensions
@@ -169,12 +170,10 @@ def table(record: dict[str, Any]) -> str:
         f"|---|{'---|' * len(NOMINAL)}",
         f"| *calibrated: within* | {' | '.join(bands)} |",
     ]
-    for name in twins[0]["ranks"]:
-        cells = [
-            f"{100 * one.covered:.0f} %{'' if one.inside else ' (outside)'}"
-            for one in _covered(twins, name)
-        ]
-        lines.append(f"| {'S_r' if name == STRENGTH else name} | {' | '.join(cells)} |")
+    found = {
+        "S_r" if name == STRENGTH else name: _covered(twins, name) for name in twins[0]["ranks"]
+    }
+    lines += coverage_rows(found, digits=0)
     low, middle, high = np.array([one["strength_kpa"] for one in twins]).T
     off = np.abs(np.log(middle / [one["values"][0] for one in twins]))
     lines += [

@@ -46,7 +46,7 @@ ANSWERS = (
 #: Runs that correct an answer.
 PAIRED = 5
 CASES = Path("case_histories")
-HEAD = ("dam", "points, m", "strengths, kPa", "number", "solver, m", "model, m", "off, m")
+HEAD = ("dam", "points, m", "strengths, kPa", "number", "solver, m", "model off by, m")
 
 
 @dataclass(frozen=True)
@@ -112,14 +112,14 @@ def compared(
         setup: what was predicted.
         found: by the solver and by a model, at each of the strengths.
     """
+    given = "; ".join(", ".join(f"{one:g}" for one in strengths) for strengths in asked.strengths)
     rows = []
-    for strengths, solver, model in zip(asked.strengths, *found, strict=True):
-        given = ", ".join(f"{one:g}" for one in strengths)
-        for number, name in enumerate(setup.targets.names):
-            if "toe" in name or name == "crest":
-                own, other = solver.values[number], model.values[number]
-                figures = (f"{own:.1f}", f"{other:.1f}", f"{other - own:+.1f}")
-                rows.append([asked.title, f"{asked.spacing:g}", given, name, *figures])
+    for number, name in enumerate(setup.targets.names):
+        if "toe" in name or name == "crest":
+            solver, model = ([one.values[number] for one in answers] for answers in found)
+            off = (f"{other - own:+.1f}" for own, other in zip(solver, model, strict=True))
+            figures = ("; ".join(f"{own:.1f}" for own in solver), "; ".join(off))
+            rows.append([asked.title, f"{asked.spacing:g}", given, name, *figures])
     return rows
 
 
@@ -150,7 +150,7 @@ def both(
 
 def dams(rows_of: Callable[[Asked], list[list[str]]] = lines) -> str:
     """Table of all dams."""
-    return table(HEAD, [row for asked in DAMS for row in rows_of(asked)], "lrllrrr")
+    return table(HEAD, [row for asked in DAMS for row in rows_of(asked)], "lrllrr")
 
 
 def with_strengths(scene: Scene, materials: tuple[str, ...], strength: dict[str, float]) -> Scene:

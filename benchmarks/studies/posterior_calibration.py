@@ -140,14 +140,34 @@ def table(record: dict) -> str:
         f"|---|{'---|' * len(NOMINAL)}",
         f"| *calibrated: within* | {' | '.join(bands)} |",
     ]
-    for place, name in enumerate(record["unknowns"]):
-        found = coverage(ranks[:, place], NOMINAL)
-        cells = [f"{100 * one.covered:.1f} %{'' if one.inside else ' (outside)'}" for one in found]
-        lines.append(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")
+    found = {
+        name.replace("_", " "): coverage(ranks[:, place], NOMINAL)
+        for place, name in enumerate(record["unknowns"])
+    }
+    lines += coverage_rows(found, digits=1)
     every = [one for place in range(ranks.shape[1]) for one in coverage(ranks[:, place], NOMINAL)]
     lines += ["", f"{sum(one.inside for one in every)} of {len(every)} shares lie within their "
               "binomial band of 95 %."]  # fmt: skip
     return "\n".join(lines)
+
+
+def coverage_rows(found: dict[str, list[Coverage]], *, digits: int) -> list[str]:
+    """Rows of the first unknown, of those outside their band, and of the range of all others."""
+    first, *others = found
+    inside = [name for name in others if all(one.inside for one in found[name])]
+    lines = []
+    for name in (first, *(name for name in others if name not in inside)):
+        cells = [
+            f"{100 * one.covered:.{digits}f} %{'' if one.inside else ' (outside)'}"
+            for one in found[name]
+        ]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    shares = np.array([[100 * one.covered for one in found[name]] for name in inside])
+    ranges = [
+        f"{low:.{digits}f} to {high:.{digits}f} %"
+        for low, high in zip(shares.min(0), shares.max(0), strict=True)
+    ]
+    return [*lines, f"| {len(inside)} others, least to most | {' | '.join(ranges)} |"]
 
 
 def draw(record: dict) -> None:

@@ -39,7 +39,6 @@ from benchmarks.hidden_effects.making.sections import Section, load_section, nor
 from benchmarks.hidden_effects.making.sight import is_slide
 from benchmarks.hidden_effects.making.truth import Made
 from benchmarks.hidden_effects.scoring.digest import digest_of
-from benchmarks.hidden_effects.scoring.intervals import Share
 from diagnosis.adequacy.compare import compare
 from diagnosis.case import DiagnosisCase, diagnosis_case
 from diagnosis.diagnose import Diagnosis, diagnose
@@ -330,9 +329,9 @@ def figures(done: list[Record]) -> str:
             _median([one["toe_m"]["slide"] / one["toe_m"]["twin"] for one in some]),
             _median([against_twin(one, one["base"]["values"]) for one in some]),
             _median([against_twin(one, one["flanks"]["side_shear"]["values"]) for one in some]),
-            Share.of(within).words,
-            Share.of(one["verdict"] != "adequate" for one in some).words,
-            Share.of(one in named for one in some).words,
+            _of(within),
+            _of([one["verdict"] != "adequate" for one in some]),
+            _of([one in named for one in some]),
             _median([one["flanks"]["side_shear"]["amplitude"] * one["width"] for one in some]),
             *(_median([one["imitated"][name] * one["width"] for one in some
                        if name in one["imitated"]]) for name in FLANKS),
@@ -347,6 +346,10 @@ def figures(done: list[Record]) -> str:
     return table(header, list(map(list, zip(words, *rows, strict=True))))
 
 
+def _of(outcomes: list[bool]) -> str:
+    return f"{sum(outcomes)} of {len(outcomes)}"
+
+
 def _median(values: list[float]) -> str:
     if not values:
         return "-"
@@ -357,7 +360,7 @@ def page(done: list[Record]) -> str:
     """The generated part of the page."""
     return "\n\n".join([
         f"{len(done)} slides, the truth of {sum('sealed' in one for one in done)} sealed. Medians, "
-        "with the smallest and the largest; shares with their 95 % intervals.",
+        "with the smallest and the largest.",
         figures(done),
         "![H over B of the effects over the true one; toe and S_r over those of plane twins]"
         f"(../images/{PICTURE.name})",

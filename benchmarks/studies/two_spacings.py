@@ -43,6 +43,8 @@ ANSWER_ALONE = (
 )  # fmt: skip
 #: What a difference must stay below, in standard deviations.
 BOUND = 1.0 / 3.0
+#: Groups of numbers with a row of their own on the page.
+SHOWN = ("answer", "standard deviation")
 
 Compared = tuple[str, str, float, float, float]
 """Group, name, fast, slow, standard deviation."""
@@ -181,6 +183,17 @@ def work(runs: dict[str, int], spacing_m: float) -> float:
     return sum(count * (spacing_m / float(spacing)) ** 3 for spacing, count in runs.items())
 
 
+def shown_groups(groups: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The answer, what has a number beyond the bound, and all others as one."""
+    shown = [g for g in groups if g["beyond"] or g["group"] in SHOWN]
+    others = [g for g in groups if g not in shown]
+    numbers = sum(g["numbers"] for g in others)
+    rms = (sum(g["numbers"] * g["rms"] ** 2 for g in others) / numbers) ** 0.5
+    largest = max(g["largest"] for g in others)
+    joined = {"group": "all others", "numbers": numbers, "rms": rms, "largest": largest}
+    return [*shown, {**joined, "beyond": 0}]
+
+
 def page(record: dict[str, Any]) -> dict[str, str]:
     """The generated parts of the page."""
     parts = []
@@ -200,13 +213,13 @@ def page(record: dict[str, Any]) -> dict[str, str]:
         rows = [
             [g["group"], str(g["numbers"]), f"{g['rms']:.3f}",
              f"**{g['largest']:.2f}**" if g["largest"] > BOUND else f"{g['largest']:.2f}",
-             str(g["beyond"]), f"{g['where']}: {g['fast']:.3g}, slow {g['slow']:.3g}"]
-            for g in one["groups"]
+             f"{g['where']}: {g['fast']:.3g}, slow {g['slow']:.3g}" if g["beyond"] else ""]
+            for g in shown_groups(one["groups"])
         ]  # fmt: skip
-        header = ["numbers of", "how many", "rms", "largest", "beyond 1/3", "the largest"]
+        header = ["numbers of", "how many", "rms", "largest", "beyond 1/3"]
         parts.append(
             f"### {title}, {one['spacing_m']:g} and {one['coarse_spacing_m']:g} m\n\n{answers}.\n\n"
-            f"{'; '.join(runs)}.\n\n{table(header, rows, 'lrrrrl')}\n"
+            f"{'; '.join(runs)}.\n\n{table(header, rows, 'lrrrl')}\n"
         )
     cells = record.get("cells", [])
     rows = []

@@ -1,7 +1,8 @@
 """The verification as a study: its cases, its records, and its pages.
 
 The docstring of a case gives formula, source and what limits the accuracy. The page shows that
-text (where all rows pass: its first paragraph and its formulas), the picture and the rows.
+text (where all rows pass: its first paragraph), the picture, the rows outside their tolerance and
+the one that comes closest to it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ ORDER = ("material_paths", "elastic_column", "block_on_incline", "free_motion")
 """Cases that come first in the table, from the single point to the moving mass; others follow."""
 
 ALIGN = "lrrrrl"
+CLOSEST = 1
+"""Rows of a case that the page shows next to those outside their tolerance."""
 
 
 class Verification(Study):
@@ -109,35 +112,34 @@ class Verification(Study):
         """Every case: explanation, picture, rows."""
         made = []
         for name, record in records.items():
-            state = "not all rows" if self.missed(record) else "all rows"
-            remark = f", {record['made']}: {state} within tolerance"
             rows = table(("quantity", *self.columns, ""), self.table_rows(record), ALIGN)
-            made.append(self.section(name, record, rows, remark))
+            made.append(self.section(name, record, rows, ""))
         return "\n".join(made)
 
     def shown(self, name: str, record: Record) -> str:
-        """All of the explanation where a row fails, else its first paragraph and its formulas."""
+        """All of the explanation where a row fails, else its first paragraph."""
         whole = self.explanation(name)
-        return whole if self.missed(record) else _essence(whole)
+        return whole if self.missed(record) else whole.partition("\n\n")[0]
 
     def table_rows(self, record: Record) -> list[tuple[str, ...]]:
-        """The rows of a record as cells."""
+        """The rows of a record that the page shows, as cells."""
+        rows = self.rows_of(record)
+        passed = sorted(
+            (number for number, row in enumerate(rows) if row.passed),
+            key=lambda number: -_share_used(rows[number]),
+        )
+        hidden = set(passed[CLOSEST:])
         return [
             (row.quantity + (f" ({row.note})" if row.note else ""), *self.cells(row)[:-1],
              self.verdict(row))
-            for row in self.rows_of(record)
+            for number, row in enumerate(rows) if number not in hidden
         ]  # fmt: skip
 
 
-def _essence(text: str) -> str:
-    """The first paragraph of a text and its formulas, each with the paragraph that leads to it."""
-    parts = text.split("\n\n")
-    formulas = {number for number, part in enumerate(parts) if part.startswith("    ")}
-    kept = {0} | formulas | {number - 1 for number in formulas}
-    return "\n\n".join(
-        parts[number] if number + 1 in kept else parts[number].rstrip(",;")
-        for number in sorted(kept)
-    )
+def _share_used(row: Row) -> float:
+    """Share of its tolerance, or of its upper limit, that a figure uses."""
+    used, allowed = (row.measured, row.reference) if row.bound else (abs(row.error), row.tolerance)
+    return used / allowed if allowed else 0.0
 
 
 def _is_case(path: Path) -> bool:

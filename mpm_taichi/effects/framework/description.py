@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from mpm_taichi.effects.framework.base import Effect
@@ -38,7 +39,12 @@ def _amplitude(one: Effect) -> str:
 
 
 def _parameters(one: Effect) -> str:
-    return "; ".join(f"`{p.name}` {p.default:g}: {p.meaning}" for p in one.parameters) or "none"
+    """Names, defaults, and the first words of each meaning: its symbol in the law."""
+    shown = (
+        f"`{p.name}` {p.default:g}: {re.split('[,;:(]', p.meaning)[0].rstrip()}"
+        for p in one.parameters
+    )
+    return "; ".join(shown) or "none"
 
 
 def _parameter(p) -> str:  # noqa: ANN001
