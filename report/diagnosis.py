@@ -23,8 +23,11 @@ from report.tables import diagnosis as tables
 from report.two_strengths import two_strengths
 
 PAGE, COMPARE_PAGE, EXPLAIN_PAGE, TRACK_PAGE = (
-    "report.html", "compare.html", "explain.html", "track.html"
-)  # fmt: skip
+    "report.html",
+    "compare.html",
+    "explain.html",
+    "track.html",
+)
 #: Measured numbers that a terminal lists; the document has all of them.
 MOST_LINES = 40
 

@@ -74,8 +74,11 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     readers = {
-        ".csv": _read_csv, ".dxf": _read_dxf, ".f2grid": _read_grid, ".gsz": _read_geostudio,
-    }  # fmt: skip
+        ".csv": _read_csv,
+        ".dxf": _read_dxf,
+        ".f2grid": _read_grid,
+        ".gsz": _read_geostudio,
+    }
     reader = readers.get(suffix, _read_geojson)
     section = reader(path)
     if not section.zones:

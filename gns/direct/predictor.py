@@ -28,10 +28,20 @@ DAMAGE = (KeyError, TypeError, ValueError, RuntimeError, EOFError, OSError)
 #: Share of the runs that an interval covers.
 COVERED = 0.9
 DESCRIPTORS = (
-    "area", "width", "left face", "right face", "strength", "strength of the base",
-    "weakest tenth", "friction", "density", "water", "fall of the water", "slope of the ground",
+    "area",
+    "width",
+    "left face",
+    "right face",
+    "strength",
+    "strength of the base",
+    "weakest tenth",
+    "friction",
+    "density",
+    "water",
+    "fall of the water",
+    "slope of the ground",
     "room",
-)  # fmt: skip
+)
 """What two sections are compared by; see `described`."""
 
 
