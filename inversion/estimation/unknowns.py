@@ -195,7 +195,7 @@ class Parameters:
 
 
 @dataclass(frozen=True)
-class Amplitude:
+class UnknownAmplitude:
     """One effect of a model as an unknown.
 
     Attributes:
@@ -250,7 +250,7 @@ class Unknowns:
     """
 
     parameters: Parameters
-    effects: tuple[Amplitude, ...] = ()
+    effects: tuple[UnknownAmplitude, ...] = ()
     fixed: tuple[int, ...] = ()
 
     @property
@@ -345,6 +345,6 @@ class Unknowns:
         slopes = self.parameters.value_per_fitted(self.values(x))
         return np.concatenate([slopes, [effect.unit for effect in self.effects]])
 
-    def with_effects(self, effects: Sequence[Amplitude]) -> Unknowns:
+    def with_effects(self, effects: Sequence[UnknownAmplitude]) -> Unknowns:
         """The same parameters with these effects in place of its own."""
         return replace(self, effects=tuple(effects))
