@@ -264,7 +264,7 @@ def simulate_3d(
     from mpm_taichi.solver3d.problem import problem_of
     from mpm_taichi.trajectory3d import write_run_3d
     from pipeline.files import ready_folder
-    from report.pictures.ground_film import chosen_frames, save_ground_film
+    from report.pictures.body_film import chosen_frames, save_body_film
     from report.pictures.video import check_video
     from report.simulation3d import FILES, RASTERS, write_simulation_3d
 
@@ -306,7 +306,7 @@ def simulate_3d(
             chosen = chosen_frames(len(run.time))
             frames = [maps_of(described, problem, run, frame=frame) for frame in chosen]
             title, side = described.name, described.document.side
-            save_ground_film(moving, title, run.time[chosen], frames, side=side)
+            save_body_film(moving, title, run.time[chosen], frames, side=side)
         write_simulation_3d(described, maps, readings, done.walls, folder, moving)
     return done
 

@@ -17,8 +17,8 @@ from pipeline.extras import has
 from pipeline.files import write_text
 from report import page
 from report.numbers import unit_of, with_unit
-from report.pictures.ground_map import save_map
-from report.pictures.ground_view import save_view
+from report.pictures.body_map import save_map
+from report.pictures.body_view import save_view
 from report.table import Table
 
 if TYPE_CHECKING:
