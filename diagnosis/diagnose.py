@@ -19,7 +19,7 @@ from diagnosis.selection.decide import Decision, decide
 from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.forward_selection import run_rounds
 from diagnosis.selection.next_measurement import Suggestion, suggest
-from diagnosis.selection.second_look import look_again
+from diagnosis.selection.pair_search import search_pairs
 from diagnosis.selection.selection import Selection
 from diagnosis.selection.tried_models import TriedModels
 from diagnosis.selection.unknown_curve import FoundCurve, find_curve
@@ -92,7 +92,7 @@ def diagnose(
         )
     selection = Selection(comparison, explanation, options, ranking)
     run_rounds(selection)
-    look_again(selection)
+    search_pairs(selection)
     tried_models, explanation = selection.tried, selection.explanation
     for adopted in tried_models.way[1:]:
         say(f"{adopted.note}: chi2 {adopted.adequacy.chi2:.1f}")

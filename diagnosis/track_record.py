@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -64,6 +65,21 @@ class Figures:
     nearest: float
     p_left: float
     share: float
+
+    @classmethod
+    def of(
+        cls, nearest: Iterable[float], p_left: float, shares: Sequence[float], *, together: bool
+    ) -> Figures:
+        """Those of an explanation.
+
+        Args:
+            nearest: of each of its effects the largest |cosine| with an effect outside.
+            p_left: combined p of the tests of its model.
+            shares: of the probability, of the explanations that have some, the best first.
+            together: they are one answer.
+        """
+        share = sum(shares) if together else shares[0]
+        return cls(max(nearest, default=0.0), p_left, min(share, 1.0))
 
     @property
     def logs(self) -> tuple[float, float, float]:

@@ -19,7 +19,7 @@ documents. Nothing is printed here. The functions share these arguments:
     a call that was stopped continues where it was. None: nothing is kept.
 `hypothesis`: of a diagnosis, to go on from: a file, or its name in `out`; None: the base model.
 `options`: settings, device, threads, code of your own, progress, a way to stop
-    (`flowslide.run.Options`, and those like it of functions that have fewer).
+    (`flowslide.run.SectionOptions`, and those like it of functions that have fewer).
 
 Bad input raises `InputError`, work that cannot be done `WorkFailed`: one line for a person.
 """
@@ -35,11 +35,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
 
 from flowslide.run import (
     BodyOptions,
+    Call,
     DiagnosisOptions,
     JointOptions,
-    Options,
     Place,
-    Run,
+    SectionOptions,
     SurveyOptions,
 )
 from pipeline.cli import InputError, WorkFailed
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from inversion.joint.document import JointDocument
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
-    from mpm_taichi.comparison import Reading
+    from mpm_taichi.comparison import ComparedReading
     from mpm_taichi.readings3d import Maps
     from mpm_taichi.solver3d.problem import Problem3d
     from mpm_taichi.trajectory import Run as SimulatedRun
@@ -104,7 +104,7 @@ Answer = TypeVar("Answer")
 
 
 def load_case(
-    case: Place | Case, *, measurement_set: str | None = None, **options: Unpack[Options]
+    case: Place | Case, *, measurement_set: str | None = None, **options: Unpack[SectionOptions]
 ) -> Case:
     """Read and check a case: its section and what was measured on it.
 
@@ -116,7 +116,7 @@ def load_case(
     Raises:
         InputError: file, field, value and what is allowed.
     """
-    run = Run.of(Options, options)
+    run = Call.of(SectionOptions, options)
     with run.own_code():
         found = run.case(case)
         return found if measurement_set is None else found.with_set(measurement_set)
@@ -134,7 +134,7 @@ class Simulation:
 
     case: Case
     run: SimulatedRun
-    readings: list[Reading]
+    readings: list[ComparedReading]
 
 
 def simulate(
@@ -146,7 +146,7 @@ def simulate(
     water: bool = True,
     spacing_m: float | None = None,
     measurement_set: str | None = None,
-    **options: Unpack[Options],
+    **options: Unpack[SectionOptions],
 ) -> Simulation:
     """Simulate the section of a case by the material point method, and read what was measured.
 
@@ -165,7 +165,7 @@ def simulate(
     """
     from mpm_taichi.comparison import read_deposit, simulate_case
 
-    own = Run.of(Options, options)
+    own = Call.of(SectionOptions, options)
     with own.own_code(), ExitStack() as held:
         found = own.case(case)
         found = found if measurement_set is None else found.with_set(measurement_set)
@@ -264,11 +264,11 @@ def simulate_3d(
     from mpm_taichi.solver3d.problem import problem_of
     from mpm_taichi.trajectory3d import write_run_3d
     from pipeline.files import ready_folder
-    from report.pictures.ground_film import chosen_frames, save_ground_film
+    from report.pictures.body_film import chosen_frames, save_body_film
     from report.pictures.video import check_video
     from report.simulation3d import FILES, RASTERS, write_simulation_3d
 
-    own = Run.of(BodyOptions, options)
+    own = Call.of(BodyOptions, options)
     watch = own.watch
     described = load_scene_3d(os.fspath(scene), spacing=spacing_m)
     described = described.changed(water=water, strengths_kpa=strengths_kpa)
@@ -306,7 +306,7 @@ def simulate_3d(
             chosen = chosen_frames(len(run.time))
             frames = [maps_of(described, problem, run, frame=frame) for frame in chosen]
             title, side = described.name, described.document.side
-            save_ground_film(moving, title, run.time[chosen], frames, side=side)
+            save_body_film(moving, title, run.time[chosen], frames, side=side)
         write_simulation_3d(described, maps, readings, done.walls, folder, moving)
     return done
 
@@ -324,7 +324,7 @@ def back_analyse(
     use_constructed: bool = False,
     report: Literal["film", "page", "none"] = "none",
     evaluated: Evaluated | None = None,
-    **options: Unpack[Options],
+    **options: Unpack[SectionOptions],
 ) -> Result:
     """Find the strengths that the question of a case asks for, and how certain they are.
 
@@ -352,7 +352,7 @@ def back_analyse(
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
     """
-    run = Run.of(Options, options, evaluated=evaluated)
+    run = Call.of(SectionOptions, options, evaluated=evaluated)
     with run.folder(out) as folder:
         asked = load_question(
             case,
@@ -381,7 +381,7 @@ def answer(
     asked: Asked,
     choice: Choice,
     folder: Path,
-    run: Run,
+    run: Call,
     *,
     report: Literal["film", "page", "none"] = "none",
 ) -> Result:
@@ -432,7 +432,7 @@ def load_question(
     if not isinstance(case, Case) and is_body(case):
         config = _chosen(settings or load_settings(None), method, quick)
         return body_case(os.fspath(case), config, **chosen)
-    found = Run(settings=settings).case(case)
+    found = Call(settings=settings).case(case)
     return inversion_case(replace(found, config=_chosen(found.config, method, quick)), **chosen)
 
 
@@ -466,7 +466,7 @@ def posterior(
     spacing_m: float | None = None,
     measurement_set: str | None = None,
     use_constructed: bool = False,
-    **options: Unpack[Options],
+    **options: Unpack[SectionOptions],
 ) -> PosteriorDocument:
     """Everything unknown of a case, before and after its measurements.
 
@@ -497,7 +497,7 @@ def posterior(
     from report.posterior import write_report as write_posterior
 
     require("posterior", "a posterior")
-    run = Run.of(Options, options)
+    run = Call.of(SectionOptions, options)
     with run.folder(out) as folder:
         asked = (
             case
@@ -554,7 +554,7 @@ def joint(
     from report.joint import write_report as write_joint
 
     require("posterior", "a relation of several slides")
-    run, quality = Run.of(JointOptions, options), dict(weights or {})
+    run, quality = Call.of(JointOptions, options), dict(weights or {})
     read = [run.case(case) for case in cases]
     _check_weights(quality, [case.name for case in read])
     slides = []
@@ -615,7 +615,7 @@ def predict(
     seeds: int | None = None,
     engine: str | None = None,
     spacing_m: float | None = None,
-    **options: Unpack[Options],
+    **options: Unpack[SectionOptions],
 ) -> dict[str, Any]:
     """The distribution of the runout that follows from that of the residual strength.
 
@@ -651,7 +651,7 @@ def predict(
     from geometry.case import Case
     from geometry.scenes3d.scene3d import is_body
 
-    run = Run.of(Options, options)
+    run = Call.of(SectionOptions, options)
     read = _strengths(strengths, ratios, posterior, joint, zones, distribution)
     for name, value, least in (("samples", samples, 100), ("seeds", seeds, 0)):
         if value is not None and value < least:
@@ -699,7 +699,7 @@ def _predict_section(
     engine: str,
     spacing_m: float | None,
     folder: Path,
-    run: Run,
+    run: Call,
 ) -> dict[str, Any]:
     from inversion.engines.registry import untrained
     from inversion.prediction import predict as prediction
@@ -762,7 +762,7 @@ def _predict_body(
     seeds: int,
     spacing_m: float | None,
     folder: Path,
-    run: Run,
+    run: Call,
 ) -> dict[str, Any]:
     from geometry.scenes3d.scene3d import load_scene_3d
     from inversion.engines.registry import engine_named
@@ -839,7 +839,7 @@ def predict_from_blow_counts(
     out: Place | None = None,
     engine: str = "mpm",
     spacing_m: float | None = None,
-    **options: Unpack[Options],
+    **options: Unpack[SectionOptions],
 ) -> dict[str, Any]:
     """The slides that published relations give for the blow counts of a case, without a fit.
 
@@ -863,7 +863,7 @@ def predict_from_blow_counts(
     from pipeline.files import write_json
     from report.from_blow_counts import write_report as write_page
 
-    run = Run.of(Options, options)
+    run = Call.of(SectionOptions, options)
     with run.folder(out) as folder:
         section = prediction_case(run.case(case), spacing_m=spacing_m)
         chosen = of_section(engine)
@@ -904,7 +904,7 @@ def classical(
         InputError: bad input, or a slide that cannot be analysed.
         Cancelled: the caller asked for it.
     """
-    own = Run.of(SurveyOptions, options)
+    own = Call.of(SurveyOptions, options)
     with own.folder(out) as folder, working_in(folder):
         return analysed_classically(own.case(case), own, run, slide, judgement).save(folder)
 
@@ -932,7 +932,7 @@ class ClassicalAnswers:
 
 def analysed_classically(
     case: Case,
-    own: Run,
+    own: Call,
     run: Place | None = None,
     slide: str | None = None,
     judgement: Mapping[str, Any] | None = None,
@@ -978,7 +978,7 @@ def open_session(
     if isinstance(case, Session):
         yield case
         return
-    run = Run.of(DiagnosisOptions, options)
+    run = Call.of(DiagnosisOptions, options)
     with run.folder(out) as folder:
         found = run.case(case)
         session = open_session(

@@ -1,7 +1,7 @@
 """What the functions of `flowslide.api` share: how a question is worked on.
 
-`Options` and its like are the keyword arguments that a function takes in addition to its own; a
-`Run` is one call with them.
+`SectionOptions` and its like are the keyword arguments that a function takes in addition to its
+own; a `Call` is one call with them.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class DiagnosisOptions(SurveyOptions, BodyOptions, total=False):
     effect_files: Files
 
 
-class Options(DiagnosisOptions, total=False):
+class SectionOptions(DiagnosisOptions, total=False):
     """Of a function that simulates sections.
 
     Attributes:
@@ -95,7 +95,7 @@ class Options(DiagnosisOptions, total=False):
 
 
 @dataclass(frozen=True)
-class Run:
+class Call:
     """One call of a function of the interface, with its options."""
 
     settings: Config | None = None
@@ -112,7 +112,7 @@ class Run:
         """A call with the options of a kind.
 
         Args:
-            kind: `Options` or one like it.
+            kind: `SectionOptions` or one like it.
             options: as the caller gives them.
             more: further fields.
 

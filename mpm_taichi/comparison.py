@@ -35,7 +35,7 @@ BY_EYE = "naked_eye_toe"
 
 
 @dataclass(frozen=True)
-class Reading:
+class ComparedReading:
     """One line of the table; in the measurement's unit.
 
     A reading by eye has no measurement to compare with. A profile is one line: the root mean square
@@ -115,7 +115,7 @@ def simulate_case(
     return run
 
 
-def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading]:
+def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[ComparedReading]:
     """Everything that was measured and not constructed, read at the end and at the start of a run.
 
     What was constructed is read too where it is a number, so that it can be shown. Where nothing
@@ -132,10 +132,10 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
         for side in SIDES:
             try:
                 runouts = [math.nan if one is None else _runout(one, side) for one in (end, start)]
-                readings.append(Reading(side, "toe_runout", *runouts))
+                readings.append(ComparedReading(side, "toe_runout", *runouts))
             except ValueError as error:  # nothing is as thick as a survey counts
                 unread = (math.nan, math.nan)
-                readings.append(Reading(side, "toe_runout", *unread, trouble=str(error)))
+                readings.append(ComparedReading(side, "toe_runout", *unread, trouble=str(error)))
     for measurement in case.measured:
         if measurement.as_one:
             if not measurement.constructed:
@@ -145,7 +145,7 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
         before = _observed(measurement, start)
         for place, part in enumerate(measurement.parts):
             readings.append(
-                Reading(
+                ComparedReading(
                     measurement.name,
                     measurement.type,
                     float(read.values[place]),
@@ -160,7 +160,7 @@ def read_deposit(case: Case, run: Run, *, at_start: bool = True) -> list[Reading
         if by_eye is not None:
             name = f"{measurement.name}, by eye"
             eye_before = math.nan if start is None else measurement.by_eye(start)
-            readings.append(Reading(name, BY_EYE, by_eye, eye_before))
+            readings.append(ComparedReading(name, BY_EYE, by_eye, eye_before))
     return readings
 
 
@@ -183,14 +183,14 @@ def _observed(measurement: Measured, deposit: Deposit | None) -> np.ndarray:
     return measurement.reading(deposit).values
 
 
-def _reading_as_one(measurement: Measured, end: Deposit, start: Deposit | None) -> Reading:
+def _reading_as_one(measurement: Measured, end: Deposit, start: Deposit | None) -> ComparedReading:
     """A series as the root mean square of its differences."""
     rms = [
         float(np.sqrt(np.mean((_observed(measurement, deposit) - measurement.values) ** 2)))
         for deposit in (end, start)
     ]
     points = f"root mean square of {len(measurement.values)} points"
-    return Reading(measurement.name, measurement.type, *rms, measurement, part=points)
+    return ComparedReading(measurement.name, measurement.type, *rms, measurement, part=points)
 
 
 def _deposit(case: Case, run: Run, *, moved: bool = True) -> Deposit:
@@ -245,7 +245,7 @@ def _strength(material: Material) -> str:
     return f"phi {material.friction_deg:g} deg, c {material.cohesion_kpa:g} kPa"
 
 
-def table(case: Case, readings: list[Reading]) -> str:
+def table(case: Case, readings: list[ComparedReading]) -> str:
     """Measured and simulated values, one line each, and what to know about them."""
     rows = [["m", "measured", "std", "range", "simulated", "difference", "in std", "at t = 0", ""]]
     for reading in readings:
@@ -283,7 +283,7 @@ def table(case: Case, readings: list[Reading]) -> str:
     return f"{aligned(rows, left={0, 8})}\n{note}"
 
 
-def label(reading: Reading) -> str:
+def label(reading: ComparedReading) -> str:
     """The quantity in words, with the name of the measurement where that says more."""
     words = reading.type.replace("_", " ")
     if reading.type == BY_EYE:
@@ -313,7 +313,7 @@ def energy_line(run: Run) -> str:
 # --- files ---
 
 
-def write_observables(path: Path, readings: list[Reading]) -> None:
+def write_observables(path: Path, readings: list[ComparedReading]) -> None:
     """Write the readings as CSV; in metres, velocities in m/s as their column `unit` says."""
     columns = (
         "name,type,part,unit,measured,low,high,std,std_is,confidence,simulated,"

@@ -148,7 +148,7 @@ KINETIC, ELASTIC, PLASTIC, CONTACT_LOSS, WATER_WORK, TOP_SPEED, EFFECT_WORK = ra
 SUMS = 7
 
 
-class State(NamedTuple):
+class SolverState(NamedTuple):
     """All arrays, by group."""
 
     slots: SlotState
@@ -158,13 +158,13 @@ class State(NamedTuple):
     frames: FrameState
 
 
-GROUPS = State.__annotations__
+GROUPS = SolverState.__annotations__
 """Group's name -> its type."""
 ARRAYS = {name: kind for group in GROUPS.values() for name, kind in group.__annotations__.items()}
 """Array's name -> its Taichi type, in the order in which kernels take them."""
 
 
-class Step(NamedTuple):
+class StepNumbers(NamedTuple):
     """Numbers of one step of one scene, which the functions of a kernel share: its locals.
 
     A kernel makes it by `ti.static(Step(...))`, so that functions take it by reference.

@@ -15,9 +15,17 @@ from pipeline.files import atomic_path
 from pipeline.manifest import code_version
 
 RUN_ARRAYS = (
-    "positions", "time", "material", "zone", "top_speed", "velocity", "stress", "initial_stress",
-    "plastic_shear_strain", "volume",
-)  # fmt: skip
+    "positions",
+    "time",
+    "material",
+    "zone",
+    "top_speed",
+    "velocity",
+    "stress",
+    "initial_stress",
+    "plastic_shear_strain",
+    "volume",
+)
 
 
 @dataclass

@@ -14,7 +14,7 @@ from inversion.catalogue.catalogue import answers_of, load_catalogue, load_stren
 from inversion.engines.registry import engine_named
 from pipeline.extras import has
 from report.data.back_analysis import MANY, BackAnalysisData
-from report.page import Paragraph, Section, filmed, folded, said, shown, tabulated, write_page
+from report.page import PageSection, Paragraph, filmed, folded, said, shown, tabulated, write_page
 from report.sentences import back_analysis as words
 from report.sentences import implied_strengths as implied
 from report.table import plain
@@ -100,7 +100,7 @@ def summary(data: BackAnalysisData) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
+def sections(data: BackAnalysisData, film: Path | None) -> list[PageSection]:
     """Every part that has something to show, in reading order."""
     made = [
         _answer(data),
@@ -121,10 +121,10 @@ def sections(data: BackAnalysisData, film: Path | None) -> list[Section]:
     return [section for section in made if section.parts]
 
 
-def _answer(data: BackAnalysisData) -> Section:
+def _answer(data: BackAnalysisData) -> PageSection:
     before = [*words.meaning_sentences(data), *words.hand_check_sentences(data)]
     after = words.surrogate_sentences(data)
-    return Section(
+    return PageSection(
         "Answer",
         [
             *said(before),
@@ -135,7 +135,7 @@ def _answer(data: BackAnalysisData) -> Section:
     )
 
 
-def _section(data: BackAnalysisData) -> Section:
+def _section(data: BackAnalysisData) -> PageSection:
     title = "The section before and after"
     if data.case is None or data.run is None:
         return _map(data)
@@ -146,7 +146,7 @@ def _section(data: BackAnalysisData) -> Section:
     readings = read_deposit(data.case, data.run)
     save_case_picture(data.case, data.run, readings, path)
     toes = "; ".join(words.toe_words(data))
-    return Section(
+    return PageSection(
         title,
         shown(
             path,
@@ -161,12 +161,12 @@ def _section(data: BackAnalysisData) -> Section:
     )
 
 
-def _map(data: BackAnalysisData) -> Section:
+def _map(data: BackAnalysisData) -> PageSection:
     """What a slide left in plan, where that was fitted; the pictures are there."""
     pictures = [data.folder / name for name in (CHANGE_PICTURE, MAP_PICTURE)]
     if not all(path.is_file() for path in pictures):
-        return Section("The map, measured and simulated")
-    return Section(
+        return PageSection("The map, measured and simulated")
+    return PageSection(
         "The map, measured and simulated",
         [
             *shown(
@@ -183,13 +183,13 @@ def _map(data: BackAnalysisData) -> Section:
     )
 
 
-def _methods(data: BackAnalysisData) -> Section:
+def _methods(data: BackAnalysisData) -> PageSection:
     from report.charts.methods import draw_methods
 
     title = "The strength by every method"
     path = draw_methods(data, data.folder / "methods.svg")
     if path is None:
-        return Section(title)
+        return PageSection(title)
     parts = shown(
         path,
         "Bars of the residual strength in kPa, one row for each method.",
@@ -200,7 +200,7 @@ def _methods(data: BackAnalysisData) -> Section:
         "Relations with blow count (orange) have a bar of one standard deviation, and a line from "
         "the weakest to the strongest layer.",
     )
-    return Section(
+    return PageSection(
         title,
         [
             *parts,
@@ -212,13 +212,13 @@ def _methods(data: BackAnalysisData) -> Section:
     )
 
 
-def _measured(data: BackAnalysisData) -> Section:
+def _measured(data: BackAnalysisData) -> PageSection:
     from report.charts.measured import draw_measured
 
     title = "Measured against predicted"
     path = draw_measured(data, data.folder / "measured.svg")
     if path is None:
-        return Section(title)
+        return PageSection(title)
     single = tables.singles(data)
     parts = shown(
         path,
@@ -233,13 +233,13 @@ def _measured(data: BackAnalysisData) -> Section:
     )
     parts += tabulated(tables.measured_table(data, single), tables.source_table(single))
     parts += folded("Profiles and histories, value by value", *tables.series_tables(data))
-    return Section(title, parts)
+    return PageSection(title, parts)
 
 
-def _implied(data: BackAnalysisData) -> Section:
+def _implied(data: BackAnalysisData) -> PageSection:
     from report.charts.implied_strengths import draw_implied_strengths
 
-    return Section(
+    return PageSection(
         "Which measurement asks for which strength",
         [
             *shown(
@@ -256,7 +256,7 @@ def _implied(data: BackAnalysisData) -> Section:
     )
 
 
-def _not_determined(data: BackAnalysisData) -> Section:
+def _not_determined(data: BackAnalysisData) -> PageSection:
     from report.charts.uncertainty import draw_before_after, draw_equally_good, papers_answer
 
     parts = shown(
@@ -279,10 +279,10 @@ def _not_determined(data: BackAnalysisData) -> Section:
         f"distinguish between them.{paper}",
     )
     parts += tabulated(tables.equally_good_table(data))
-    return Section("What the data do not determine", parts)
+    return PageSection("What the data do not determine", parts)
 
 
-def _sensitivities(data: BackAnalysisData) -> Section:
+def _sensitivities(data: BackAnalysisData) -> PageSection:
     from report.charts.uncertainty import draw_tornado
 
     parts = shown(
@@ -295,16 +295,16 @@ def _sensitivities(data: BackAnalysisData) -> Section:
         "The same in numbers", *tables.sensitivity_tables(data, data.result.answer.parameters)
     )
     parts += said(words.spacing_sentences(data))
-    return Section("What moves the answer", [*parts, *numbers])
+    return PageSection("What moves the answer", [*parts, *numbers])
 
 
-def _variants(data: BackAnalysisData) -> Section:
+def _variants(data: BackAnalysisData) -> PageSection:
     found = tabulated(tables.variant_table(data))
     sentence = said([words.variant_sentence(data)]) if found else []
-    return Section("Variants of the question", [*sentence, *found])
+    return PageSection("Variants of the question", [*sentence, *found])
 
 
-def _waterfall(data: BackAnalysisData) -> Section:
+def _waterfall(data: BackAnalysisData) -> PageSection:
     from report.charts.waterfall import draw_waterfall
 
     parts = shown(
@@ -316,10 +316,10 @@ def _waterfall(data: BackAnalysisData) -> Section:
         "below.",
     )
     parts += tabulated(tables.waterfall_table(data))
-    return Section("From another reading to this answer", parts)
+    return PageSection("From another reading to this answer", parts)
 
 
-def _search(data: BackAnalysisData) -> Section:
+def _search(data: BackAnalysisData) -> PageSection:
     from report.charts.iterations import draw_history, draw_iterations
 
     result = data.result
@@ -340,19 +340,19 @@ def _search(data: BackAnalysisData) -> Section:
     parts += folded("Every step in numbers", tables.history_table(data))
     if starts := tabulated(tables.starts_table(data)):
         parts += [Paragraph("The same question from other first guesses:"), *starts]
-    return Section("How it was found", parts)
+    return PageSection("How it was found", parts)
 
 
-def _catalogue(data: BackAnalysisData) -> Section:
+def _catalogue(data: BackAnalysisData) -> PageSection:
     title = "Among other flow slides"
     answers = answers_of(data.result.model_dump(mode="json"))
     if not answers:
-        return Section(title)
+        return PageSection(title)
     from report.charts.catalogue import catalogue_figure
     from report.style import save_figure
 
     figure = catalogue_figure(load_catalogue(), load_strengths(), answers)
-    return Section(
+    return PageSection(
         title,
         shown(
             save_figure(figure, data.folder / "catalogue.svg"),
@@ -364,22 +364,22 @@ def _catalogue(data: BackAnalysisData) -> Section:
     )
 
 
-def _checklist(data: BackAnalysisData) -> Section:
+def _checklist(data: BackAnalysisData) -> PageSection:
     table = checklist.back_analysis_checklist(data)
-    return Section(checklist.TITLE, [*said([checklist.unchecked(table)]), *tabulated(table)])
+    return PageSection(checklist.TITLE, [*said([checklist.unchecked(table)]), *tabulated(table)])
 
 
-def _film(film: Path | None) -> Section:
+def _film(film: Path | None) -> PageSection:
     description = "Film of the simulated slide, and the measured surface."
-    return Section("The slide as a film", filmed(film, description, least_width_px=WIDE_PX))
+    return PageSection("The slide as a film", filmed(film, description, least_width_px=WIDE_PX))
 
 
-def _made(data: BackAnalysisData) -> Section:
+def _made(data: BackAnalysisData) -> PageSection:
     remarks = said(
         f"{remark[:1].upper()}{remark[1:].rstrip('.')}." for remark in data.result.remarks
     )
     settings = folded("Settings, versions, machine", tables.provenance_table(data))
-    return Section(
+    return PageSection(
         "How this was made", [*remarks, *tabulated(tables.timing_table(data)), *settings]
     )
 

@@ -20,7 +20,7 @@ from mpm_taichi.readings3d import Maps, paths_of
 from pipeline.extras import has
 from report import back_analysis
 from report.data.back_analysis import BackAnalysisData
-from report.pictures.ground_map import save_map
+from report.pictures.body_map import save_map
 from report.pictures.measured_map import save_measured_map
 
 RASTERS = ("thickness_after.tif", "surface_after.tif")

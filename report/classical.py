@@ -15,7 +15,7 @@ from inversion.classical.document import document
 from inversion.classical.sections_of_case import CaseSections
 from pipeline.files import write_json
 from report.numbers import fixed, span
-from report.page import Section, folded, said, shown, tabulated, write_page
+from report.page import PageSection, folded, said, shown, tabulated, write_page
 from report.pictures.classical import save_picture
 from report.table import Table
 
@@ -33,7 +33,7 @@ def save_all(
         save_picture(case, analysis, path)
         sections.append(_slide(entry, path))
     if refused:
-        sections.append(Section("Not analysed", said(refused)))
+        sections.append(PageSection("Not analysed", said(refused)))
     write_page(folder / PAGE, f"{case.title}: classical methods", sections, lead=lead(found))
     write_json(folder / RESULT, found)
     return found
@@ -54,8 +54,8 @@ def lead(found: dict[str, Any]) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-def _slide(entry: dict[str, Any], picture: Path) -> Section:
-    return Section(
+def _slide(entry: dict[str, Any], picture: Path) -> PageSection:
+    return PageSection(
         f"The {entry['name']} slide",
         [
             *tabulated(_methods(entry)),

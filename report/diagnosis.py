@@ -15,7 +15,7 @@ from diagnosis.verdict.verdict import COMPARE_FILE, EXPLAIN_FILE, FILE_NAME, Wat
 from pipeline.ties import ranked
 from report.data.diagnosis import DiagnosisData, Document, load_diagnosis
 from report.numbers import plural, root_mean_square
-from report.page import Part, Section, folded, said, shown, tabulated, write_page
+from report.page import PageSection, Part, folded, said, shown, tabulated, write_page
 from report.sentences import diagnosis as words
 from report.table import plain
 from report.tables import checklist
@@ -23,8 +23,11 @@ from report.tables import diagnosis as tables
 from report.two_strengths import two_strengths
 
 PAGE, COMPARE_PAGE, EXPLAIN_PAGE, TRACK_PAGE = (
-    "report.html", "compare.html", "explain.html", "track.html"
-)  # fmt: skip
+    "report.html",
+    "compare.html",
+    "explain.html",
+    "track.html",
+)
 #: Measured numbers that a terminal lists; the document has all of them.
 MOST_LINES = 40
 
@@ -74,7 +77,7 @@ def write_track(
             f" Root mean square misfit of the fitted data: {ends[0]:.1f} standard deviations with "
             f"the first, {ends[1]:.1f} with the last; noise alone has 1."
         )
-    section = Section("The error over the steps", _steps(folder, steps, by_hand))
+    section = PageSection("The error over the steps", _steps(folder, steps, by_hand))
     write_page(page, f"{title}: the error so far", [section] if steps else [], lead=lead)
     return page
 
@@ -141,7 +144,7 @@ def _held_out(data: DiagnosisData) -> str:
 # --- the page ---
 
 
-def sections(data: DiagnosisData) -> list[Section]:
+def sections(data: DiagnosisData) -> list[PageSection]:
     """Every part that has something to show, in reading order."""
     made = [
         _answer(data),
@@ -161,7 +164,7 @@ def sections(data: DiagnosisData) -> list[Section]:
     return [section for section in made if section.parts]
 
 
-def _answer(data: DiagnosisData) -> Section:
+def _answer(data: DiagnosisData) -> PageSection:
     skipped = len(data.document.runs.cut_short)
     remark = (
         f"The run budget was exhausted: {plural(skipped, 'step')} of the search "
@@ -176,10 +179,10 @@ def _answer(data: DiagnosisData) -> Section:
         words.tested_sentence(data),
         remark if skipped else "",
     ]
-    return Section("In short", [tables.key_numbers(data), *said(sentences)])
+    return PageSection("In short", [tables.key_numbers(data), *said(sentences)])
 
 
-def _profile(data: DiagnosisData) -> Section:
+def _profile(data: DiagnosisData) -> PageSection:
     from report.charts.profile import draw_profile
     from report.charts.residuals import draw_singles
 
@@ -200,15 +203,15 @@ def _profile(data: DiagnosisData) -> Section:
     if parts:
         parts += said([words.role_sentence(data)])
         parts += folded("Every number", tables.measurements_table(data.measurements))
-    return Section(title, parts)
+    return PageSection(title, parts)
 
 
-def _where(data: DiagnosisData) -> Section:
+def _where(data: DiagnosisData) -> PageSection:
     from report.charts.residuals import draw_groups, draw_residuals
 
     title = "Where it fails"
     if not data.measurements:
-        return Section(title)
+        return PageSection(title)
     parts = said(
         [words.alarm_sentence(data), words.window_sentence(data.base.window, "base model")]
     )
@@ -227,13 +230,13 @@ def _where(data: DiagnosisData) -> Section:
         "deviations of noise (in brackets: how many numbers were fitted).",
     )
     numbers = tables.tests_table(data), tables.groups_table(data)
-    return Section(title, [*parts, *folded("Tests and groups in numbers", *numbers)])
+    return PageSection(title, [*parts, *folded("Tests and groups in numbers", *numbers)])
 
 
-def _fall(data: DiagnosisData) -> Section:
+def _fall(data: DiagnosisData) -> PageSection:
     steps = [] if data.verdict is None else data.verdict.steps
     parts = _steps(data.folder, steps, ()) if len(steps) > 1 else []
-    return Section("How far the error falls", parts)
+    return PageSection("How far the error falls", parts)
 
 
 def _steps(folder: Path, steps: Sequence[WaterfallStep], by_hand: Collection[str]) -> list[Part]:
@@ -249,7 +252,7 @@ def _steps(folder: Path, steps: Sequence[WaterfallStep], by_hand: Collection[str
     return parts + folded("Every step in numbers", tables.steps_table(steps, by_hand))
 
 
-def _effects(data: DiagnosisData) -> Section:
+def _effects(data: DiagnosisData) -> PageSection:
     from report.charts.effects import draw_effects
 
     title = "Which effects would explain it"
@@ -262,14 +265,14 @@ def _effects(data: DiagnosisData) -> Section:
         "gives any of the candidates so high a score.",
     )
     if not parts:
-        return Section(title)
+        return PageSection(title)
     rivals = tables.answers_table(data)
     numbers = [
         tables.refits_table(data),
         tables.candidates_table(data),
         tables.left_out_table(data),
     ]
-    return Section(
+    return PageSection(
         title,
         [
             *parts,
@@ -279,7 +282,7 @@ def _effects(data: DiagnosisData) -> Section:
     )
 
 
-def _fingerprints(data: DiagnosisData) -> Section:
+def _fingerprints(data: DiagnosisData) -> PageSection:
     from report.charts.fingerprints import draw_fingerprints
 
     parts = shown(
@@ -289,10 +292,10 @@ def _fingerprints(data: DiagnosisData) -> Section:
         "row on its own scale. An effect whose row resembles the residual explains it; cos is 1 if "
         "they are alike and 0 if they have nothing in common.",
     )
-    return Section("Fingerprints", parts)
+    return PageSection("Fingerprints", parts)
 
 
-def _confounding(data: DiagnosisData) -> Section:
+def _confounding(data: DiagnosisData) -> PageSection:
     from report.charts.confounding import draw_confounding
 
     parts = shown(
@@ -301,25 +304,25 @@ def _confounding(data: DiagnosisData) -> Section:
         *words.confounding_sentences(data),
         "Similarity of the fingerprints, |cos|, for every pair, with similar effects together.",
     )
-    return Section("What cannot be distinguished", parts)
+    return PageSection("What cannot be distinguished", parts)
 
 
-def _strength(data: DiagnosisData) -> Section:
+def _strength(data: DiagnosisData) -> PageSection:
     from report.charts.strength import draw_strength
 
     title = "The strength before and after" if data.final is not None else "The strength"
     both = two_strengths(data.folder).parts()
     if data.verdict is None:
-        return Section(title, both)
+        return PageSection(title, both)
     parts = shown(
         draw_strength(data, data.folder / "strength.svg"),
         "Each parameter with two standard deviations, before and after.",
         *words.strength_sentences(data),
     )
-    return Section(title, [*parts, *both])
+    return PageSection(title, [*parts, *both])
 
 
-def _hidden(data: DiagnosisData) -> Section:
+def _hidden(data: DiagnosisData) -> PageSection:
     from report.charts.strength import draw_hidden
 
     parts = shown(
@@ -331,13 +334,13 @@ def _hidden(data: DiagnosisData) -> Section:
     )
     if parts:
         parts += folded("The same in numbers", tables.hidden_table(data))
-    return Section("What could be hidden in it", parts)
+    return PageSection("What could be hidden in it", parts)
 
 
-def _curve(data: DiagnosisData) -> Section:
+def _curve(data: DiagnosisData) -> PageSection:
     title = "What the unknown effect looks like"
     if data.verdict is None or data.verdict.unknown_curve is None:
-        return Section(title)
+        return PageSection(title)
     from report.charts.strength_curve import draw_curve
 
     curve = data.verdict.unknown_curve
@@ -348,32 +351,34 @@ def _curve(data: DiagnosisData) -> Section:
         f"on {curve.words} as drawn here would explain the measurements best. It is a clue to "
         "what is missing, not a law, and no residual strength is reported from it.",
     )
-    return Section(title, parts)
+    return PageSection(title, parts)
 
 
-def _next(data: DiagnosisData) -> Section:
+def _next(data: DiagnosisData) -> PageSection:
     title = "What to measure next"
     found = [] if data.verdict is None else data.verdict.next_measurement
     error = "" if data.verdict is None else words.error_sentence(data)
     if not found:
-        return Section(title, said([error]))
+        return PageSection(title, said([error]))
     see = (
         "Measurements that would best distinguish the remaining explanations, the best first. "
         "Gain: expected squared separation by it and all above it, in variances of the new "
         "measurements and of the models."
     )
-    return Section(title, [*said([see]), *tabulated(tables.next_table(found)), *said([error])])
+    return PageSection(title, [*said([see]), *tabulated(tables.next_table(found)), *said([error])])
 
 
-def _checklist(data: DiagnosisData) -> Section:
+def _checklist(data: DiagnosisData) -> PageSection:
     table = checklist.diagnosis_checklist(data)
     if not table.rows:
-        return Section(checklist.TITLE)
-    return Section(checklist.TITLE, [*said([checklist.unchecked(table)]), *tabulated(table)])
+        return PageSection(checklist.TITLE)
+    return PageSection(checklist.TITLE, [*said([checklist.unchecked(table)]), *tabulated(table)])
 
 
-def _made(data: DiagnosisData) -> Section:
+def _made(data: DiagnosisData) -> PageSection:
     runs = data.document.runs
     now = "" if runs.computed is None else f", {runs.computed} of them simulated now"
     settings = folded("Runs, seeds, hashes, settings", tables.provenance_table(data))
-    return Section("How this was made", [*said([f"{runs.asked} forward runs{now}."]), *settings])
+    return PageSection(
+        "How this was made", [*said([f"{runs.asked} forward runs{now}."]), *settings]
+    )

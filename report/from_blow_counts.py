@@ -11,7 +11,7 @@ from typing import Any
 
 from report.charts.from_blow_counts import draw_quantities
 from report.numbers import fixed, span, unit_of
-from report.page import Section, said, shown, tabulated, write_page
+from report.page import PageSection, said, shown, tabulated, write_page
 from report.sentences.small_cells import cells_of
 from report.table import Table, plain
 
@@ -34,7 +34,7 @@ def write_report(document: dict[str, Any], folder: Path) -> Path:
     path = folder / PAGE
     chart = draw_quantities(document, folder / "from_blow_counts.svg")
     sections = [
-        Section(
+        PageSection(
             "Predicted next to measured",
             [
                 *shown(
@@ -50,7 +50,7 @@ def write_report(document: dict[str, Any], folder: Path) -> Path:
                 *said(_doubts(document)),
             ],
         ),
-        Section(
+        PageSection(
             "Strengths of the layers",
             [
                 *said(["Median strength in kPa by relation."]),

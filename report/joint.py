@@ -10,7 +10,7 @@ from pathlib import Path
 from inversion.joint.document import JointDocument, load_joint
 from pipeline.files import write_text
 from report.charts.joint import draw_blow_counts, draw_slides
-from report.page import Section, folded, said, shown, tabulated, write_page
+from report.page import PageSection, folded, said, shown, tabulated, write_page
 from report.sentences import joint as sentences
 from report.table import plain
 from report.tables import joint as tables
@@ -50,9 +50,9 @@ def summary(document: JointDocument) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _sections(document: JointDocument, folder: Path) -> list[Section]:
+def _sections(document: JointDocument, folder: Path) -> list[PageSection]:
     made = [
-        Section(
+        PageSection(
             "Slides and relation",
             [
                 *shown(
@@ -67,21 +67,21 @@ def _sections(document: JointDocument, folder: Path) -> list[Section]:
                 *said([sentences.scatter_sentence(document), *document.remarks]),
             ],
         ),
-        Section(
+        PageSection(
             "Slopes that stood",
             [
                 *said(sentences.bound_sentences(document)),
                 *tabulated(tables.explanation_table(document)),
             ],
         ),
-        Section(
+        PageSection(
             "Each slide from the others",
             [
                 *said([sentences.left_out_sentence(document)]),
                 *tabulated(tables.left_out_table(document)),
             ],
         ),
-        Section(
+        PageSection(
             "Blow count and published relations",
             [
                 *said([sentences.slope_sentence(document)]),
@@ -95,7 +95,7 @@ def _sections(document: JointDocument, folder: Path) -> list[Section]:
                 *folded("Strengths that others found", tables.author_table(document)),
             ],
         ),
-        Section(
+        PageSection(
             "How it was made",
             said(
                 [

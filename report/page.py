@@ -143,7 +143,7 @@ def folded(title: str, *tables: Table | None) -> list[Part]:
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A part of the page under its own heading."""
 
     title: str
@@ -155,7 +155,7 @@ class Section:
         return f"<section>\n<h2>{html.escape(self.title)}</h2>\n{inner}\n</section>"
 
 
-def render_page(title: str, sections: Sequence[Section], *, lead: str = "") -> str:
+def render_page(title: str, sections: Sequence[PageSection], *, lead: str = "") -> str:
     """The whole page as text.
 
     Args:
@@ -172,7 +172,7 @@ def render_page(title: str, sections: Sequence[Section], *, lead: str = "") -> s
 
 
 def write_page(
-    path: str | os.PathLike[str], title: str, sections: Sequence[Section], *, lead: str = ""
+    path: str | os.PathLike[str], title: str, sections: Sequence[PageSection], *, lead: str = ""
 ) -> None:
     """Write the page to `path`, atomically."""
     write_text(path, render_page(title, sections, lead=lead))

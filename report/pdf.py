@@ -16,9 +16,16 @@ from tempfile import TemporaryDirectory
 from pipeline.cli import InputError, WorkFailed
 from pipeline.files import atomic_path
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
-            "microsoft-edge", "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
-            "/Applications/Chromium.app/Contents/MacOS/Chromium")  # fmt: skip
+BROWSERS = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "microsoft-edge",
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Chromium.app/Contents/MacOS/Chromium",
+)
 NEEDS = (
     "a PDF is printed by Chromium or Chrome, and none is installed; open the page in any browser "
     "and print it from there"

@@ -15,7 +15,7 @@ from report.charts.corner import draw_corner
 from report.charts.hidden_section import draw_hidden_section
 from report.charts.posterior import draw_before_after, draw_predicted, draw_shares
 from report.numbers import number, plural, with_unit
-from report.page import Section, folded, said, shown, tabulated, write_page
+from report.page import PageSection, folded, said, shown, tabulated, write_page
 from report.sentences.small_cells import cells_words
 from report.table import plain
 from report.tables import posterior as tables
@@ -121,10 +121,10 @@ def _runs_words(document: PosteriorDocument) -> str:
     return f"{found}; {plural(runs.failed, 'run')} could not be read" if runs.failed else found
 
 
-def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[Section]:
+def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[PageSection]:
     shares = draw_shares(document, folder / "shares.svg")
     made = [
-        Section(
+        PageSection(
             "Answer",
             [
                 *tabulated(tables.parameter_table(document)),
@@ -138,7 +138,7 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                 *said([evidence_sentence(document)]),
             ],
         ),
-        Section(
+        PageSection(
             "Measured against predicted",
             [
                 *shown(
@@ -153,7 +153,7 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                 *tabulated(tables.predicted_table(document)),
             ],
         ),
-        Section(
+        PageSection(
             "What moves the strength",
             [
                 *shown(
@@ -167,7 +167,7 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                 *folded("The same in numbers", *tables.share_tables(document)),
             ],
         ),
-        Section(
+        PageSection(
             "Sections",
             [
                 *shown(
@@ -179,7 +179,7 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                 )
             ],
         ),
-        Section(
+        PageSection(
             "Before and after",
             [
                 *shown(
@@ -190,7 +190,7 @@ def _sections(document: PosteriorDocument, draws: Draws, folder: Path) -> list[S
                 *tabulated(tables.unknown_table(document)),
             ],
         ),
-        Section(
+        PageSection(
             "How it was made",
             [
                 *said([f"{_runs_words(document)}.", *document.remarks]),

@@ -18,7 +18,7 @@ from inversion.engines.registry import REFERENCE, engine_named
 from inversion.prediction.prediction_document import QUANTILES
 from report.charts.hydrograph import HYDROGRAPH, save_hydrographs
 from report.numbers import fixed, unit_of
-from report.page import Section, said, shown, tabulated, write_page
+from report.page import PageSection, said, shown, tabulated, write_page
 from report.pictures.scene import draw_section
 from report.sentences.prediction import first_order_words, line_words
 from report.sentences.small_cells import cells_of
@@ -80,7 +80,7 @@ def write_report(scene: Scene, document: dict[str, Any], folder: Path) -> Path:
     ]
     title = f"{document['case'].replace('_', ' ')}: prediction"
     lead = f"Assumed: {strength_words(document)}{_by(document)}."
-    sections = [Section("How far it would run", parts), *dam_breach_sections(document, folder)]
+    sections = [PageSection("How far it would run", parts), *dam_breach_sections(document, folder)]
     write_page(folder / PAGE, title, sections, lead=lead)
     return folder / PAGE
 
@@ -135,7 +135,7 @@ def dam_breach_words(document: dict[str, Any]) -> list[str]:
     return [*line_words(document), items]
 
 
-def dam_breach_sections(document: dict[str, Any], folder: Path) -> list[Section]:
+def dam_breach_sections(document: dict[str, Any], folder: Path) -> list[PageSection]:
     """What passes the lines over time, and the items of a dam breach study."""
     chart = save_hydrographs(document["hydrographs"], folder / HYDROGRAPH)
     drawn = shown(
@@ -145,9 +145,9 @@ def dam_breach_sections(document: dict[str, Any], folder: Path) -> list[Section]
         "volumes, so that its integral is the volume that has passed.",
     )
     told = said([f"{line[0].upper()}{line[1:]}." for line in line_words(document)])
-    released = [Section("What is released", [*drawn, *told])] if drawn else []
+    released = [PageSection("What is released", [*drawn, *told])] if drawn else []
     items = [*said([dam_breach.LEAD]), *tabulated(dam_breach.dam_breach_table(document))]
-    return [*released, Section(dam_breach.TITLE, items)]
+    return [*released, PageSection(dam_breach.TITLE, items)]
 
 
 def remarks(document: dict[str, Any]) -> list[str]:

@@ -59,7 +59,7 @@ def write_report(found: BodyPrediction, folder: Path) -> Path:
             write_raster(chance, folder / raster_name(thickness), origin=scene.origin)
     said = [f"{line[0].upper()}{line[1:]}." for line in doubts(document)]
     sections = [
-        page.Section(
+        page.PageSection(
             "Where it would come to lie",
             [
                 *page.shown(
@@ -72,7 +72,7 @@ def write_report(found: BodyPrediction, folder: Path) -> Path:
                 *page.said(said),
             ],
         ),
-        page.Section(
+        page.PageSection(
             "How far it would run",
             [
                 *page.shown(folder / CURVES, "Probability that each runout is exceeded"),

@@ -17,8 +17,8 @@ from pipeline.extras import has
 from pipeline.files import write_text
 from report import page
 from report.numbers import unit_of, with_unit
-from report.pictures.ground_map import save_map
-from report.pictures.ground_view import save_view
+from report.pictures.body_map import save_map
+from report.pictures.body_view import save_view
 from report.table import Table
 
 if TYPE_CHECKING:
@@ -98,8 +98,8 @@ def _write_page(
     ]
     keys = [(words, with_unit(value, unit), "") for words, unit, value in values[1:5]]
     sections = [
-        page.Section("In short", [page.KeyNumbers(keys), *page.said([warning(walls)])]),
-        page.Section(
+        page.PageSection("In short", [page.KeyNumbers(keys), *page.said([warning(walls)])]),
+        page.PageSection(
             "Map and sections",
             page.shown(
                 out / "map.png",
@@ -107,15 +107,15 @@ def _write_page(
                 "Edge of the soil before the slide dashed, after it in blue.",
             ),
         ),
-        page.Section(
+        page.PageSection(
             "In perspective",
             page.shown(out / "view.png", "The surface after the slide in true proportions"),
         ),
-        page.Section(
+        page.PageSection(
             "The slide as a film",
             page.filmed(film, "Film of the slide from above and in perspective"),
         ),
-        page.Section(
+        page.PageSection(
             "Readings",
             page.tabulated(
                 Table(

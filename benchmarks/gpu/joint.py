@@ -16,7 +16,7 @@ from torch import Tensor, distributed, nn
 
 from flowslide.commands.gns.train import open_windows
 from gns.training.checkpoints import ModelFolder
-from gns.training.distributed import Group
+from gns.training.distributed import ProcessGroup
 from gns.training.processes import in_processes
 from gns.training.train import train
 from pipeline.cli import WorkFailed
@@ -27,11 +27,11 @@ PATIENCE = timedelta(seconds=40.0)
 """With a process that does not come; without a loopback device none does."""
 
 
-class AlwaysAveraged(Group):
+class AlwaysAveraged(ProcessGroup):
     """A group that averages gradients also where it is one process."""
 
     def wrapped(self, module: nn.Module) -> nn.Module:
-        """As `Group.wrapped`, for any size."""
+        """As `ProcessGroup.wrapped`, for any size."""
         ids = [self.device] if self.device.type == "cuda" else None
         return nn.parallel.DistributedDataParallel(module, device_ids=ids, broadcast_buffers=False)
 
@@ -60,7 +60,7 @@ def main() -> None:
     place = torch.device(device, 0) if device == "cuda" else torch.device(device)
     if backend != "none":
         distributed.init_process_group(backend, timeout=PATIENCE)
-    group = (Group if backend == "none" else AlwaysAveraged)(rank, size, place)
+    group = (ProcessGroup if backend == "none" else AlwaysAveraged)(rank, size, place)
     settings = _settings(BATCH // size)
     folder = ModelFolder(Path(file).parent / "model")
     learned, held_out = open_windows(dataset, settings)

@@ -20,7 +20,7 @@ from gns.network.network import Network
 from gns.network.simulator import Simulator
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.rollout_store import RolloutStore
-from inversion.engines.trained_model import Model, load_model
+from inversion.engines.trained_model import TrainedModel, load_model
 
 PAPER = dataclasses.replace(gns_network.SIZES["paper"], columns=136, rows=46)
 SMALL = dataclasses.replace(PAPER, columns=12, rows=8, width=16, steps=2)
@@ -149,7 +149,7 @@ def slide(context: Context) -> Iterator[dict[str, Any]]:
     yield row("rollout and gradient: memory", memory, "GiB")
 
 
-def _model(context: Context) -> Model:
+def _model(context: Context) -> TrainedModel:
     shipped = load_model("models/thrust").simulator.config
     small = {"width": 16, "message_passing_steps": 2} if context.rehearse else {}
     config = shipped.model_copy(
@@ -161,7 +161,7 @@ def _model(context: Context) -> Model:
     simulator = Simulator(copy.deepcopy(config)).to(context.device).requires_grad_(False)
     for value in simulator.network.decoder.third.parameters():
         value.zero_()
-    return Model(simulator, "paper", "0" * 64)
+    return TrainedModel(simulator, "paper", "0" * 64)
 
 
 MEASUREMENTS: dict[str, Measurement] = {

@@ -25,7 +25,7 @@ from flowslide.commands.gns.train import open_windows
 from gns.direct import network as direct
 from gns.direct.train import TrainingPlan, loss_of, optimiser_of
 from gns.training.checkpoints import ModelFolder
-from gns.training.distributed import Group
+from gns.training.distributed import ProcessGroup
 from gns.training.train import train
 from pipeline.cli import WorkFailed
 from pipeline.config import Config, load_config
@@ -93,7 +93,7 @@ def steps(context: Context, *, scale: str) -> Iterator[dict[str, Any]]:
             ModelFolder(_fresh(context.folder / f"{scale}_{precision}")),
             *open_windows(context.folder / scale / "dataset", settings),
             settings,
-            Group(0, 1, torch.device(context.device)),
+            ProcessGroup(0, 1, torch.device(context.device)),
             stop=_After(UNCOUNTED + counted),  # type: ignore[arg-type]
             on_step=lambda step, loss, times=times: times.append(time.perf_counter()),
         )

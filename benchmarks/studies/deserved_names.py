@@ -59,10 +59,11 @@ def figures_of(one: Judged) -> Figures:
     leading = list(digest.effects) or digest.set_90[0]
     # Earlier records have no probabilities: several that share them have each as much.
     shares = digest.shares or [1.0 / len(digest.set_90)] * len(digest.set_90)
-    return Figures(
-        nearest=max((digest.nearest.get(name, 0.0) for name in leading), default=0.0),
-        p_left=digest.final.p,
-        share=min(sum(shares) if digest.families else shares[0], 1.0),
+    return Figures.of(
+        (digest.nearest.get(name, 0.0) for name in leading),
+        digest.final.p,
+        shares,
+        together=bool(digest.families),
     )
 
 

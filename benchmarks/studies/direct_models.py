@@ -19,7 +19,7 @@ from benchmarks.generated_pages import renew
 from benchmarks.performance import direct_request
 from benchmarks.studies import learned_on_dams
 from gns.direct.judge import FAR, judged_run
-from gns.direct.predictor import MODEL_FILE, Predictor
+from gns.direct.predictor import MODEL_FILE, DirectPredictor
 from gns.direct.runs import random_section
 from gns.direct.sections import outcome_of, places
 from gns.direct.train import Sample, answers, read_samples
@@ -51,7 +51,7 @@ def main() -> None:
     arguments = parser.parse_args()
     samples = list(read_samples(Path(arguments.data), ["test"]))
     folder = resolve("direct", MODELS)
-    predictor, card = Predictor.load(folder / MODEL_FILE), read_yaml(folder / "card.yaml")
+    predictor, card = DirectPredictor.load(folder / MODEL_FILE), read_yaml(folder / "card.yaml")
     pictures = Path(arguments.pictures)
     pictures.mkdir(parents=True, exist_ok=True)
     _draw_runouts(samples, predictor, pictures / "runout.png")
@@ -149,7 +149,7 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if value >= 1000.0 else f"{value:.3g}"
 
 
-def _draw_runouts(samples: list[Sample], predictor: Predictor, path: Path) -> None:
+def _draw_runouts(samples: list[Sample], predictor: DirectPredictor, path: Path) -> None:
     figure, axis = plt.subplots(figsize=(4.6, 4.2))
     before = np.stack([one.outcome.toes_before for one in samples])
     spacing = np.array([one.section.spacing for one in samples])
@@ -173,7 +173,7 @@ def _draw_runouts(samples: list[Sample], predictor: Predictor, path: Path) -> No
     plt.close(figure)
 
 
-def _draw_deposits(samples: list[Sample], predictor: Predictor, path: Path) -> None:
+def _draw_deposits(samples: list[Sample], predictor: DirectPredictor, path: Path) -> None:
     """Scenes at even places of the order of their runout."""
     travel = [np.abs(one.outcome.toes - one.outcome.toes_before).max() for one in samples]
     order = np.argsort(travel)

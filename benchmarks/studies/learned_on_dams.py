@@ -26,7 +26,7 @@ from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.registry import MPM, engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
-from inversion.engines.trained_model import Model, load_model
+from inversion.engines.trained_model import TrainedModel, load_model
 from inversion.estimation.forward import Prediction, SectionSetup
 from inversion.estimation.unknowns import Parameters
 from pipeline.config import load_config
@@ -130,7 +130,7 @@ def lines(asked: Asked) -> list[list[str]]:
     return compared(asked, setup, both(setup, asked.strengths, RunStore(None)))
 
 
-def simulator_lines(asked: Asked, model: Model) -> list[list[str]]:
+def simulator_lines(asked: Asked, model: TrainedModel) -> list[list[str]]:
     """The same of a stepping simulator."""
     water = "pore_pressure" if model.simulator.config.thrust else "buoyant"
     case = load_case(CASES / asked.case, load_config(None, [f"simulation.water={water}"]))

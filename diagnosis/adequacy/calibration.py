@@ -2,8 +2,8 @@
 
 A scan over the strengths finds where the slide moves at all; searches from the best of it, and from
 others, find the least misfit. There the replicates, the second transfer scheme and the finer cells
-are run. What finer cells change is added to every prediction from there on (`Cells`); C is put
-together, and the fit is settled on the mean of the replicates.
+are run. What finer cells change is added to every prediction from there on (`CellCorrection`); C is
+put together, and the fit is settled on the mean of the replicates.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ ASSUMED_NOISE = 0.2
 
 
 @dataclass
-class Cells:
+class CellCorrection:
     """What is added to predictions for the size of the cells.
 
     Attributes:
@@ -104,7 +104,7 @@ class Base:
     runs: Runs
     split: Split
     covariance: Covariance
-    cells: Cells
+    cells: CellCorrection
     jitter: np.ndarray
     data: Data
     surface: Surface
@@ -157,7 +157,7 @@ def _with_errors(
     runs.corrected = lambda state, row: row
     replicates = replicates_at(runs, space, base, options)
     cov, missing = errors_at(runs, targets, space.state(base), replicates, options)
-    cells = Cells(targets, missing)
+    cells = CellCorrection(targets, missing)
     runs.corrected = cells
     replicates = replicates_at(runs, space, base, options)
     data = targets.data(cov.total, parts)

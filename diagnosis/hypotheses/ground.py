@@ -31,8 +31,11 @@ from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effect
 
 BONDED, ROUGH, FRICTION, COEFFICIENT = (
-    "bonded_base", "rough_base", "base_of_friction", "base_friction",
-)  # fmt: skip
+    "bonded_base",
+    "rough_base",
+    "base_of_friction",
+    "base_friction",
+)
 WEAK, UNBONDED = "weak_base", "weak_unbonded_base"
 LEVEL, TILT, FORELAND, BUMP = "base_level", "base_tilt", "foreland", "bump"
 

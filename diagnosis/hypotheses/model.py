@@ -16,7 +16,7 @@ import numpy as np
 from geometry.survey.measured import Measured
 from inversion.estimation.budget import Predictor
 from inversion.estimation.data import Targets
-from inversion.estimation.unknowns import Amplitude, Parameters, Scale
+from inversion.estimation.unknowns import Parameters, Scale, UnknownAmplitude
 from inversion.problem.state import State
 
 Family = Literal[
@@ -126,7 +126,9 @@ def switch_of(name: str, family: Family, words: str) -> Candidate:
     )
 
 
-def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None) -> Amplitude:
+def amplitude_of(
+    candidate: Candidate, prior: tuple[float, float] | None = None
+) -> UnknownAmplitude:
     """The amplitude of a candidate; `prior` (mean, std) replaces its own.
 
     Of one without a prior the ladder says what is small and what is large: a Gaussian around none,
@@ -134,13 +136,13 @@ def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None)
     the solver can bear, and an effect would gain or lose evidence by how far that is.
     """
     if candidate.switch:
-        return Amplitude(candidate.name, 1.0, 1.0, Scale())
+        return UnknownAmplitude(candidate.name, 1.0, 1.0, Scale())
     mean, std = prior if prior is not None else (candidate.prior_mean, candidate.prior_std)
     rungs = sorted(abs(rung) for rung in candidate.ladder)
     scale = candidate.scale if candidate.decades else Scale(rungs[len(rungs) // 2])
     if std is None:
         mean, std = 0.0, WIDE * rungs[-1]
-    return Amplitude(
+    return UnknownAmplitude(
         candidate.name, candidate.low, candidate.high, scale, mean, std, candidate.choices
     )
 

@@ -119,7 +119,13 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             untried,
             not_enough="it takes several effects, and others would do",
         )
-    chance = name_record().chance(figures_of(final, sets, families, explanation))
+    figures = Figures.of(
+        (explanation.nearest(name, final.model.names) for name in final.model.names),
+        final.adequacy.p_combined,
+        list(sets.values()),
+        together=bool(families),
+    )
+    chance = name_record().chance(figures)
     if named and chance < options.deserved:
         return Decision(
             "unknown_effect",
@@ -138,28 +144,6 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
         families=families,
         members=members,
         chance=chance,
-    )
-
-
-def figures_of(
-    final: AdoptedModel,
-    sets: Mapping[tuple[str, ...], float],
-    families: tuple[Family, ...],
-    explanation: Explanation,
-) -> Figures:
-    """What tells whether an explanation is right.
-
-    Args:
-        final: its model.
-        sets: explanations that share the probability, the best first.
-        families: that are the answer in its place.
-        explanation: the candidates, and which of them look alike.
-    """
-    names, shares = final.model.names, list(sets.values())
-    return Figures(
-        nearest=max(explanation.nearest(name, names) for name in names),
-        p_left=final.adequacy.p_combined,
-        share=min(sum(shares) if families else shares[0], 1.0),
     )
 
 

@@ -31,7 +31,7 @@ from inversion.estimation.surface_search import (
     search,
     settled,
 )
-from inversion.estimation.unknowns import Amplitude, Unknowns
+from inversion.estimation.unknowns import UnknownAmplitude, Unknowns
 from pipeline.ties import smallest
 
 #: Turns of a refit, two runs each.
@@ -70,7 +70,7 @@ class RefitContext:
     runs: Runs
     data: Data
     base: Unknowns
-    amplitudes: dict[str, Amplitude]
+    amplitudes: dict[str, UnknownAmplitude]
     jitter: np.ndarray
     count: int
     share: float = 0.0

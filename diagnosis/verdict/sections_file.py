@@ -45,7 +45,7 @@ class Toe:
 
 
 @dataclass(frozen=True)
-class Sections:
+class SlideSurfaces:
     """Surfaces along the section, at K places.
 
     Attributes:
@@ -103,7 +103,7 @@ def save_sections(
     return path
 
 
-def load_sections(folder: str | Path) -> Sections | None:
+def load_sections(folder: str | Path) -> SlideSurfaces | None:
     """Read the surfaces; None where the file is not there.
 
     Raises:
@@ -138,7 +138,7 @@ def load_sections(folder: str | Path) -> Sections | None:
     x = np.linspace(everything[:, 0].min() - margin, everything[:, 0].max() + margin, PLACES)
     bottom = ground_elevation(ground, x)
     surfaces = {name: _surface(one, spacing, ground, x, bottom) for name, one in points.items()}
-    return Sections(x=x, ground=bottom, toes=toes, **surfaces)
+    return SlideSurfaces(x=x, ground=bottom, toes=toes, **surfaces)
 
 
 def _surface(

@@ -25,8 +25,10 @@ FILE_NAME = "verdict.json"
 COMPARE_FILE = "compare.json"
 EXPLAIN_FILE = "explain.json"
 SOLVER_ERRORS = (
-    "the place of the material points", "the transfer scheme", "the size of the cells",
-)  # fmt: skip
+    "the place of the material points",
+    "the transfer scheme",
+    "the size of the cells",
+)
 """Errors in the covariance that another spacing of the points changes."""
 
 

@@ -104,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
     from flowslide import api
-    from flowslide.run import Run
+    from flowslide.run import Call
     from inversion.classical.document import table
     from pipeline.config import load_config
     from pipeline.files import working_in
@@ -114,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = Path(arguments.out or Path(settings.results_folder) / case.name / "classical")
     with working_in(out):
         found = api.analysed_classically(
-            case, Run(), arguments.run, arguments.slide, _changes(arguments)
+            case, Call(), arguments.run, arguments.slide, _changes(arguments)
         )
         for analysis in found.analyses:
             print(table(found.sections, analysis, every_option=not arguments.quiet), end="\n\n")

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Find the answer, write it, print it."""
     from flowslide import api
-    from flowslide.run import Run
+    from flowslide.run import Call
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
     own = "inversion_on_maps" if asked.dimensions == 3 else choice.engine.folder
     folder = Path(arguments.out or Path(settings.results_folder) / asked.name / own)
     with Progress(0, asked.title, quiet=arguments.quiet) as bar:
-        run = Run(progress=bar.report, device=arguments.device, threads=arguments.threads)
+        run = Call(progress=bar.report, device=arguments.device, threads=arguments.threads)
         result = api.answer(asked, choice, folder, run, report=arguments.report)
         bar.say(f"wrote {folder}")
     print(summary(load_back_analysis(folder, asked, result)))

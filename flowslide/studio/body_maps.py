@@ -145,11 +145,18 @@ def reading_rows(
 def _row(words: str, unit: str, value: float, measured: MapNumber | None) -> dict[str, Any]:
     known = np.isfinite(value)
     row: dict[str, Any] = {
-        "name": words, "label": words, "unit": unit_of(unit),
-        "simulated": float(value) if known else None, "measured": None, "below": "",
-        "std": None, "in_std": None, "confidence": None,
-        "held_out": False, "trouble": "" if known else "nothing to read",
-    }  # fmt: skip
+        "name": words,
+        "label": words,
+        "unit": unit_of(unit),
+        "simulated": float(value) if known else None,
+        "measured": None,
+        "below": "",
+        "std": None,
+        "in_std": None,
+        "confidence": None,
+        "held_out": False,
+        "trouble": "" if known else "nothing to read",
+    }
     if measured is None:
         return row
     (there,) = measured.values

@@ -44,7 +44,7 @@ Place = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
-class Fault:
+class DocumentFault:
     """What is wrong with a document.
 
     Attributes:
@@ -62,23 +62,23 @@ class Fault:
     field: Place = ()
 
 
-def section_faults(documents: Mapping[str, Any]) -> list[Fault]:
+def section_faults(documents: Mapping[str, Any]) -> list[DocumentFault]:
     """All that is wrong with the section."""
     document = documents.get("scene")
     if not isinstance(document, dict):
-        return [Fault("scene", "must be a mapping of keys")]
+        return [DocumentFault("scene", "must be a mapping of keys")]
     if not document.get("zones"):
-        return [Fault("scene", "no zone is drawn yet")]
+        return [DocumentFault("scene", "no zone is drawn yet")]
     problems = scene_problems(document)
     if any(one["loc"][:1] == ("zones",) for one in problems):
         # Without sound outlines none of these can be made, and nobody has left them out.
         problems = [one for one in problems if one["loc"] not in _MADE]
     found = [_fault("scene", document, one) for one in problems]
     together = scene_faults(document, problems)
-    return found + [Fault("scene", one.message, one.zones, one.places) for one in together]
+    return found + [DocumentFault("scene", one.message, one.zones, one.places) for one in together]
 
 
-def field_faults(documents: Mapping[str, Any]) -> list[Fault]:
+def field_faults(documents: Mapping[str, Any]) -> list[DocumentFault]:
     """All that is wrong with the fields of the other documents, whatever the section is."""
     faults = []
     for part, model in _MODELS.items():
@@ -91,7 +91,7 @@ def field_faults(documents: Mapping[str, Any]) -> list[Fault]:
     return faults
 
 
-def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
+def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[DocumentFault]:
     """The first thing in each other document that does not go together; the section is right.
 
     Args:
@@ -110,18 +110,18 @@ def other_faults(folder: Path, documents: Mapping[str, Any]) -> list[Fault]:
     return faults
 
 
-def _of_entry(part: str, documents: Mapping[str, Any], message: str) -> Fault:
+def _of_entry(part: str, documents: Mapping[str, Any], message: str) -> DocumentFault:
     """A fault at the value of the measurement that it names, where it names one."""
     found = _OF_ENTRY.fullmatch(message) if part == "measurements" else None
     if not found:
-        return Fault(part, message)
+        return DocumentFault(part, message)
     group, name, said = found.groups()
     for number, entry in enumerate(documents[part]["sets"][group]):
         value = next((key for key in entry if key.startswith("value_")), None)
         if entry["name"] == name and value is not None:
             place: Place = ("sets", group, number, entry["type"], value)
-            return Fault(part, f"{_words(name)}: {said}", field=place)
-    return Fault(part, f"{_words(name)}: {said}")
+            return DocumentFault(part, f"{_words(name)}: {said}", field=place)
+    return DocumentFault(part, f"{_words(name)}: {said}")
 
 
 def _check_measurements(folder: Path, scene: Scene) -> None:
@@ -192,10 +192,10 @@ _LIMITS = {
 }
 
 
-def _fault(part: str, document: Mapping[str, Any], problem: Problem) -> Fault:
+def _fault(part: str, document: Mapping[str, Any], problem: Problem) -> DocumentFault:
     place = tuple(problem["loc"]) + _named(problem)[0][:1]
     zones = zones_at(document, place) if part == "scene" else ()
-    return Fault(part, problem_words(part, document, problem), zones, field=place)
+    return DocumentFault(part, problem_words(part, document, problem), zones, field=place)
 
 
 def problem_words(part: str, document: Mapping[str, Any], problem: Problem) -> str:

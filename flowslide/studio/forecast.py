@@ -22,8 +22,8 @@ from pipeline.cli import InputError
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
-    from gns.direct.predictor import Predictor
-    from gns.direct.sections import Section
+    from gns.direct.predictor import DirectPredictor
+    from gns.direct.sections import SectionColumns
 
 #: A base that is nowhere farther from a straight line is one [m].
 STRAIGHT_M = 0.01
@@ -43,8 +43,8 @@ class Forecaster:
         self._owner = ThreadPoolExecutor(1, thread_name_prefix="forecast")
         self._lock = Lock()
         self._newest: dict[object, int] = {}
-        self._predictor: Predictor | None = None
-        self._begun: tuple[str, Section, np.ndarray] | None = None
+        self._predictor: DirectPredictor | None = None
+        self._begun: tuple[str, SectionColumns, np.ndarray] | None = None
 
     def warm(self, case: Case) -> Future[bytes | None]:
         """Have the model loaded before the first question."""
@@ -94,7 +94,7 @@ class Forecaster:
         }
         return message(header, {name: one.astype("<f4") for name, one in arrays.items()})
 
-    def _section(self, case: Case) -> tuple[Section, np.ndarray]:
+    def _section(self, case: Case) -> tuple[SectionColumns, np.ndarray]:
         """The section as the model sees it, and its toes before the slide.
 
         Raises:

@@ -16,7 +16,7 @@ import numpy as np
 
 from geometry.case import Case
 from geometry.scenes.doubts import Doubt, soil_doubts
-from mpm_taichi.comparison import Reading, label
+from mpm_taichi.comparison import ComparedReading, label
 from mpm_taichi.trajectory import Run
 from pipeline.units import with_signs
 
@@ -47,7 +47,9 @@ def message(header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> byte
     return struct.pack("<I", len(text)) + text + b"".join(parts)
 
 
-def deposit(case: Case, run: Run, readings: list[Reading], *, film: bool, **more: Any) -> bytes:
+def deposit(
+    case: Case, run: Run, readings: list[ComparedReading], *, film: bool, **more: Any
+) -> bytes:
     """The message of a run: the last frame, or with `film` at most `FRAMES` of all.
 
     Args:
@@ -102,7 +104,7 @@ def _speed(run: Run, places: np.ndarray) -> np.ndarray:
     return speed
 
 
-def _reading(one: Reading) -> dict[str, Any]:
+def _reading(one: ComparedReading) -> dict[str, Any]:
     measured = one.measurement
     return {
         "name": one.name,

@@ -81,8 +81,14 @@ NO_LAST_WORD = "its process has ended without a last word: a full disk, too litt
 JOB_PROCESS = "flowslide.studio.job_process"
 JOB, STATE, LOG, CASE = "job.json", "state.json", "log.txt", "case"
 #: Pages of results, of which a job has one.
-PAGES = ("report.html", "compare.html", "explain.html", "prediction.html", "from_blow_counts.html",
-         "classical.html")  # fmt: skip
+PAGES = (
+    "report.html",
+    "compare.html",
+    "explain.html",
+    "prediction.html",
+    "from_blow_counts.html",
+    "classical.html",
+)
 #: Files that the page may open.
 SHOWN = (".html", ".json", ".csv", ".png", ".txt", ".mp4", ".gif", ".nc", ".svg", ".bin")
 

@@ -34,7 +34,7 @@ from flowslide.studio.case_documents import (
 )
 from flowslide.studio.faults import (
     DOCUMENTS,
-    Fault,
+    DocumentFault,
     field_faults,
     other_faults,
     section_faults,
@@ -266,7 +266,7 @@ class Workspace:
         path = self.hidden(name, "draft.json")
         return read_json(path)["documents"] if path.is_file() else None
 
-    def faults(self, name: str, documents: Mapping[str, Any]) -> list[Fault]:
+    def faults(self, name: str, documents: Mapping[str, Any]) -> list[DocumentFault]:
         """What is wrong: all of it in the section and in the fields of the other documents.
 
         How those go together with the section is judged as soon as it is right.

@@ -23,8 +23,12 @@ PAGE = "docs/how-to/add-a-slide.md"
 How = Literal["read", "abstract", "secondary", "paper", "recalled"]
 #: Standard deviation of a value that is given without one, over the value: assumed.
 ASSUMED_SHARE: dict[str, float] = {
-    "read": 0.05, "abstract": 0.1, "paper": 0.1, "secondary": 0.15, "recalled": 0.25
-}  # fmt: skip
+    "read": 0.05,
+    "abstract": 0.1,
+    "paper": 0.1,
+    "secondary": 0.15,
+    "recalled": 0.25,
+}
 
 #: Heights [m] and slopes [horizontal per vertical] beyond which a number is refused.
 HEIGHT, SLOPE = (0.5, 400.0), (0.5, 12.0)

@@ -34,9 +34,12 @@ CLAY = (0.05, 0.5)
 FRICTION = (26.0, 44.0)
 #: Chance that a zone is liquefied.
 LIQUEFIED = {
-    "first_lower": 0.85, "first_upper": 0.45, "other_lower": 0.35, "other_upper": 0.12,
+    "first_lower": 0.85,
+    "first_upper": 0.45,
+    "other_lower": 0.35,
+    "other_upper": 0.12,
     "core": 0.15,
-}  # fmt: skip
+}
 
 # Stream of these scenes, apart from those of the templates.
 _DAM = 71

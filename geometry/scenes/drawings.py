@@ -38,7 +38,7 @@ MATERIAL_FIELDS = tuple(name for name in Material.model_fields if name != "pre_f
 
 
 @dataclass
-class Section:
+class DrawnSection:
     """Content of a drawing, in its own unit of length."""
 
     zones: dict[str, list[Point]] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Section:
     """What the file holds beside: kind, layer and reason, a line each."""
 
 
-def read_section(path: str | Path, kind: str | None = None) -> Section:
+def read_section(path: str | Path, kind: str | None = None) -> DrawnSection:
     """Read the outlines of a CSV, GeoJSON, DXF or GeoStudio file, or of a grid of FLAC2D.
 
     Args:
@@ -74,8 +74,11 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     readers = {
-        ".csv": _read_csv, ".dxf": _read_dxf, ".f2grid": _read_grid, ".gsz": _read_geostudio,
-    }  # fmt: skip
+        ".csv": _read_csv,
+        ".dxf": _read_dxf,
+        ".f2grid": _read_grid,
+        ".gsz": _read_geostudio,
+    }
     reader = readers.get(suffix, _read_geojson)
     section = reader(path)
     if not section.zones:
@@ -85,7 +88,7 @@ def read_section(path: str | Path, kind: str | None = None) -> Section:
     return section
 
 
-def reading(section: Section, unit: str | None = None) -> list[str]:
+def reading(section: DrawnSection, unit: str | None = None) -> list[str]:
     """What was read of a drawing, a line each: its size, its unit, what was left out.
 
     Args:
@@ -113,7 +116,7 @@ def reading(section: Section, unit: str | None = None) -> list[str]:
 
 
 def section_scene(
-    section: Section,
+    section: DrawnSection,
     *,
     source: str,
     name: str,
@@ -156,7 +159,7 @@ def section_scene(
 
 
 def section_document(
-    section: Section,
+    section: DrawnSection,
     *,
     source: str,
     name: str,
@@ -262,7 +265,7 @@ def read_materials(path: str | Path) -> dict[str, Any]:
 
 
 def _materials(
-    section: Section, given: Mapping[str, Any], source: str
+    section: DrawnSection, given: Mapping[str, Any], source: str
 ) -> tuple[dict[str, str], dict[str, dict[str, Any]]]:
     """Material name of every zone, and the fields of every material that is used."""
     chosen: dict[str, str] = {}
@@ -320,7 +323,7 @@ class _Snap:
         return point
 
 
-def _factor(section: Section, unit: str | None, source: str) -> float:
+def _factor(section: DrawnSection, unit: str | None, source: str) -> float:
     """Metres in the unit of a drawing."""
     factor = UNITS.get(unit or section.unit or "m")
     if factor is None:
@@ -367,7 +370,7 @@ def _open(ring: list[Point]) -> list[Point]:
 
 
 def _add(
-    section: Section, name: str, line: list[Point], where: str, closed: bool | None = None
+    section: DrawnSection, name: str, line: list[Point], where: str, closed: bool | None = None
 ) -> None:
     """Put a line in its place by its name, which ground and water have where it is not closed.
 
@@ -388,9 +391,9 @@ def _add(
         section.zones[name] = line
 
 
-def _read_csv(path: Path) -> Section:
+def _read_csv(path: Path) -> DrawnSection:
     """One vertex a row: zone, x, y, and optionally material and fields of `Material`."""
-    section = Section()
+    section = DrawnSection()
     lines: dict[str, list[Point]] = {}
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -429,7 +432,7 @@ def _check_columns(columns: list[str], path: Path) -> None:
             raise InputError(f"{path}: unknown column {column!r}; allowed are {', '.join(known)}")
 
 
-def _note_properties(section: Section, name: str, row: Mapping[str, Any], where: str) -> None:
+def _note_properties(section: DrawnSection, name: str, row: Mapping[str, Any], where: str) -> None:
     """Keep a row's material and strengths; empty cells say nothing, others must agree."""
     for key in ("material", *MATERIAL_FIELDS):
         text = (row.get(key) or "").strip()
@@ -461,13 +464,13 @@ def _number(text: Any, what: str, where: str) -> float:
     return value
 
 
-def _read_geojson(path: Path) -> Section:
+def _read_geojson(path: Path) -> DrawnSection:
     """A FeatureCollection: polygons with the property `name`; lines named ground or water."""
     document = read_json(path)
     features = document.get("features") if isinstance(document, Mapping) else None
     if not isinstance(features, list):
         raise InputError(f"{path}: not a GeoJSON FeatureCollection (no list of features)")
-    section = Section()
+    section = DrawnSection()
     for number, feature in enumerate(features):
         where = f"{path}: feature {number}"
         geometry = feature.get("geometry") if isinstance(feature, Mapping) else None
@@ -513,28 +516,28 @@ def _geojson_properties(properties: Mapping[str, Any], where: str) -> dict[str, 
     return kept
 
 
-def _read_grid(path: Path) -> Section:
+def _read_grid(path: Path) -> DrawnSection:
     """The groups of a grid."""
-    section = Section()
+    section = DrawnSection()
     for name, line in read_grid(path).items():
         _add(section, name, line, str(path), closed=True)
     return section
 
 
-def _read_geostudio(path: Path) -> Section:
+def _read_geostudio(path: Path) -> DrawnSection:
     """The regions of a file of GeoStudio, each with the name of its material."""
     found = read_gsz(path)
-    section = Section(left_out=found.left_out, unit=found.unit or None)
+    section = DrawnSection(left_out=found.left_out, unit=found.unit or None)
     for name, line in found.zones.items():
         _add(section, name, line, str(path), closed=True)
         section.properties[name] = {"material": found.materials[name]}
     return section
 
 
-def _read_dxf(path: Path) -> Section:
+def _read_dxf(path: Path) -> DrawnSection:
     """Closed outlines are zones, named by their layer; layers ground and water hold open lines."""
     drawn = read_dxf(path)
-    section = Section(unit=drawn.unit, left_out=drawn.left_out)
+    section = DrawnSection(unit=drawn.unit, left_out=drawn.left_out)
     for line in drawn.lines:
         _add(section, line.layer, line.points, f"{path}: layer {line.layer}", line.closed)
     return section

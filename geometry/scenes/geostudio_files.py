@@ -27,8 +27,17 @@ Point = tuple[float, float]
 #: Bytes of a document beyond which it is no section: a small zip may hold any number.
 MOST = 50_000_000
 #: Parts of a document that say nothing of the section before the slide.
-SILENT = {"FileInfo", "Analyses", "Geometries", "Contexts", "Materials", "View", "Views", "Graphs",
-          "Coordinates"}  # fmt: skip
+SILENT = {
+    "FileInfo",
+    "Analyses",
+    "Geometries",
+    "Contexts",
+    "Materials",
+    "View",
+    "Views",
+    "Graphs",
+    "Coordinates",
+}
 #: System of units -> unit of length.
 SYSTEMS = {"metric": "m", "imperial": "ft"}
 

@@ -322,9 +322,17 @@ class Measured(Quantity):
 
 #: Members that every type must give, itself or by a base such as `Length`.
 REQUIRED = (
-    "unit", "history", "values", "with_values", "along", "datum", "read_points", "check_in",
-    "could_be_made", "marks",
-)  # fmt: skip
+    "unit",
+    "history",
+    "values",
+    "with_values",
+    "along",
+    "datum",
+    "read_points",
+    "check_in",
+    "could_be_made",
+    "marks",
+)
 #: Fields that every type must have, in its unit: `std_m`.
 REQUIRED_FIELDS = ("std", "model_std")
 

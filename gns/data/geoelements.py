@@ -28,7 +28,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from gns.data.metadata import METADATA_FILE
-from gns.data.pack import Plan
+from gns.data.pack import PackingPlan
 from gns.data.scene_facts import SOIL, SceneFacts
 from gns.data.shard import SPLITS, open_member
 from gns.data.statistics import Moments, merge
@@ -57,7 +57,7 @@ class _Gathered:
 
 
 def write_geoelements(
-    plan: Plan,
+    plan: PackingPlan,
     folder: str | Path,
     *,
     properties: Properties = "both",

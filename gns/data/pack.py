@@ -34,7 +34,7 @@ OnRun = Callable[[int, str], None]
 
 
 @dataclass(frozen=True)
-class Plan:
+class PackingPlan:
     """Assignment of runs to shards, decided before anything is read."""
 
     sources: list[Source]
@@ -62,7 +62,7 @@ def plan_packing(
     paths: Sequence[str | Path],
     settings: PackSettings,
     left_out: dict[int, str] | None = None,
-) -> Plan:
+) -> PackingPlan:
     """Decide which run goes where.
 
     Args:
@@ -93,7 +93,7 @@ def plan_packing(
             numbers = splits[split][first : first + settings.runs_per_shard]
             shards[shard_name(split, place)] = [kept[number] for number in numbers]
     hashes = {path: file_hash(path) for path in sorted({source.path for source in sources})}
-    return Plan(
+    return PackingPlan(
         sources=sources,
         left_out={number: reasons[number] for number in sorted(reasons) if number in known},
         shards=shards,
@@ -103,7 +103,7 @@ def plan_packing(
 
 
 def pack(
-    plan: Plan, folder: str | Path, manifest: dict[str, Any], on_run: OnRun | None = None
+    plan: PackingPlan, folder: str | Path, manifest: dict[str, Any], on_run: OnRun | None = None
 ) -> PackResult:
     """Write the shards that are missing, then the metadata.
 
@@ -169,13 +169,13 @@ def _is_there(path: Path, key: str) -> bool:
     return True
 
 
-def _others(folder: Path, plan: Plan) -> list[Path]:
+def _others(folder: Path, plan: PackingPlan) -> list[Path]:
     """Shards of an earlier plan: nothing may lie here that the metadata does not name."""
     found = [path for split in SPLITS for path in folder.glob(f"{split}_[0-9][0-9][0-9]*.npz")]
     return [path for path in found if path.name not in plan.shards]
 
 
-def _describe(plan: Plan, folder: Path, manifest: dict[str, Any]) -> Metadata:
+def _describe(plan: PackingPlan, folder: Path, manifest: dict[str, Any]) -> Metadata:
     """The metadata, from the shards as they lie in the folder."""
     splits: dict[str, list[ShardEntry]] = {split: [] for split in SPLITS}
     velocities: list[Moments] = []

@@ -14,7 +14,7 @@ import numpy as np
 
 from gns.direct.arrivals import SHARES, WAY
 from gns.direct.network import DirectModel
-from gns.direct.predictor import COVERED, Predictor, described, unit_of
+from gns.direct.predictor import COVERED, DirectPredictor, described, unit_of
 from gns.direct.sections import Outcome
 from gns.direct.train import SPLITS, Sample, answers
 from pipeline.files import file_hash, write_text, yaml_text
@@ -31,7 +31,7 @@ COVERAGE = "covered, %"
 
 
 @dataclass(frozen=True)
-class Scores:
+class DirectScores:
     """Errors of one scene each, (n,).
 
     Attributes:
@@ -53,9 +53,9 @@ class Scores:
     arrival_covered: np.ndarray
     duration: np.ndarray
 
-    def only(self, kept: np.ndarray) -> Scores:
+    def only(self, kept: np.ndarray) -> DirectScores:
         """The scores of some scenes."""
-        return Scores(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
+        return DirectScores(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
     def row(self) -> dict[str, float]:
         """Numbers of a table."""
@@ -88,7 +88,7 @@ class Scores:
         }
 
 
-def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
+def calibrated(model: DirectModel, samples: list[Sample]) -> DirectPredictor:
     """The model with intervals that hold COVERED of the runs of the split `calibration`."""
     held = [one for one in samples if one.split == "calibration"]
     answer = answers(model, held)
@@ -101,7 +101,7 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
     moved = deposit > 0.0
     late = np.abs(answer.log_times.numpy() - np.log(_times(held))) / answer.time_scale.numpy()
     known = np.stack([described(one.section) for one in samples if one.split == "train"])
-    return Predictor(
+    return DirectPredictor(
         model,
         _conformal(ratio),
         _conformal(off[moved]),
@@ -111,7 +111,7 @@ def calibrated(model: DirectModel, samples: list[Sample]) -> Predictor:
     )
 
 
-def judged(predictor: Predictor, samples: list[Sample]) -> Scores:
+def judged(predictor: DirectPredictor, samples: list[Sample]) -> DirectScores:
     """Scores of a model on samples."""
     answer = answers(predictor.model, samples)
     return _errors(
@@ -124,7 +124,7 @@ def judged(predictor: Predictor, samples: list[Sample]) -> Scores:
     )
 
 
-def judged_run(samples: list[Sample], outcomes: list[Outcome]) -> Scores:
+def judged_run(samples: list[Sample], outcomes: list[Outcome]) -> DirectScores:
     """Scores of other outcomes of the same scenes, which state no interval and no times."""
     toes = np.stack([one.toes for one in outcomes])
     deposit = np.stack([one.thickness for one in outcomes])
@@ -132,7 +132,7 @@ def judged_run(samples: list[Sample], outcomes: list[Outcome]) -> Scores:
     return _errors(samples, toes, deposit, np.zeros(toes.shape), unknown, unknown)
 
 
-def seconds_a_case(predictor: Predictor, samples: list[Sample], count: int = 50) -> float:
+def seconds_a_case(predictor: DirectPredictor, samples: list[Sample], count: int = 50) -> float:
     """Time of one forecast from features up, mean of `count`, one after the other [s]."""
     chosen = [samples[i % len(samples)] for i in range(count)]
     began = time.perf_counter()
@@ -147,7 +147,7 @@ def write_card(folder: Path, model_file: str, facts: dict) -> None:
     write_text(folder / CARD_FILE, yaml_text(facts))
 
 
-def card(predictor: Predictor, samples: list[Sample], training: dict) -> dict:
+def card(predictor: DirectPredictor, samples: list[Sample], training: dict) -> dict:
     """What is stated with a model."""
     test = [one for one in samples if one.split == "test"]
     seconds = float(np.mean([one.seconds for one in samples]))
@@ -170,7 +170,7 @@ def _errors(
     interval: np.ndarray,
     log_times: np.ndarray,
     log_interval: np.ndarray,
-) -> Scores:
+) -> DirectScores:
     side, rows = _side(samples), np.arange(len(samples))
     spacing = np.array([one.section.spacing for one in samples])
     before = np.stack([one.outcome.toes_before for one in samples])
@@ -181,7 +181,7 @@ def _errors(
     within = np.where(np.isfinite(late), late <= log_interval[rows, side], np.nan)
     lasts = np.exp(log_times[:, WAY, _END]) - np.exp(log_times[:, WAY, 0])
     duration = times[:, WAY, _END] - times[:, WAY, 0]
-    return Scores(
+    return DirectScores(
         np.array([one.template for one in samples]),
         np.abs(_toes(samples) - before)[rows, side] / spacing,
         error / spacing,

@@ -1,8 +1,8 @@
 """The direct model: one pass of a network along the columns of a section.
 
-In: a `Section` as tensors, and the values of its zones, with respect to which everything has a
-derivative. Out: both toes with the scale of their error, the thickness of the deposit with its own,
-and the times of `gns.direct.arrivals` with theirs.
+In: a `SectionColumns` as tensors, and the values of its zones, with respect to which everything has
+a derivative. Out: both toes with the scale of their error, the thickness of the deposit with its
+own, and the times of `gns.direct.arrivals` with theirs.
 
 The network halves and doubles the number of columns as a U-Net does (Ronneberger et al. 2015, here
 in one dimension). A convolution sees neighbours, but what holds a slide is the whole base from a
@@ -27,7 +27,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from gns.direct.arrivals import SHARES
-from gns.direct.sections import COLUMN, DEEPEST, LAYERS, Section, places
+from gns.direct.sections import COLUMN, DEEPEST, LAYERS, SectionColumns, places
 
 #: Strengths are taken as at least this [rho g height], for their logarithm.
 LEAST_STRENGTH = 3e-3
@@ -89,7 +89,7 @@ class Answer:
     time_scale: Tensor
 
 
-def features(sections: list[Section], before: np.ndarray, values: Tensor) -> Tensor:
+def features(sections: list[SectionColumns], before: np.ndarray, values: Tensor) -> Tensor:
     """What the network sees, (B, channels, C).
 
     Args:
@@ -215,7 +215,7 @@ class Convolution(nn.Module):
         return functional.conv1d(x, weight, self.bias, padding=1)
 
 
-class Block(nn.Module):
+class ConvolutionBlock(nn.Module):
     """Two convolutions along the columns, added to their input."""
 
     def __init__(self, width: int) -> None:
@@ -233,7 +233,7 @@ class Block(nn.Module):
 
 
 def _blocks(width: int, count: int) -> nn.Sequential:
-    return nn.Sequential(*(Block(width) for _ in range(count)))
+    return nn.Sequential(*(ConvolutionBlock(width) for _ in range(count)))
 
 
 class Times(nn.Module):

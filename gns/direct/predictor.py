@@ -1,9 +1,9 @@
 """A trained direct model that answers: plain arrays in and out.
 
-In: a `Section` and its toes before the slide. Out: a `Forecast` with intervals that cover nine of
-ten runs it was calibrated on, its derivative with respect to the strengths of the zones, and how
-far the section lies from those that the model has learned from. A model is one file of plain
-numbers.
+In: a `SectionColumns` and its toes before the slide. Out: a `Forecast` with intervals that cover
+nine of ten runs it was calibrated on, its derivative with respect to the strengths of the zones,
+and how far the section lies from those that the model has learned from. A model is one file of
+plain numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import torch
 
 from gns.data.distance import Neighbours
 from gns.direct.network import Answer, DirectConfig, DirectModel, features
-from gns.direct.sections import COLUMN, Section, places
+from gns.direct.sections import COLUMN, SectionColumns, places
 from pipeline.cli import InputError
 from pipeline.files import atomic_path
 
@@ -28,10 +28,20 @@ DAMAGE = (KeyError, TypeError, ValueError, RuntimeError, EOFError, OSError)
 #: Share of the runs that an interval covers.
 COVERED = 0.9
 DESCRIPTORS = (
-    "area", "width", "left face", "right face", "strength", "strength of the base",
-    "weakest tenth", "friction", "density", "water", "fall of the water", "slope of the ground",
+    "area",
+    "width",
+    "left face",
+    "right face",
+    "strength",
+    "strength of the base",
+    "weakest tenth",
+    "friction",
+    "density",
+    "water",
+    "fall of the water",
+    "slope of the ground",
     "room",
-)  # fmt: skip
+)
 """What two sections are compared by; see `described`."""
 
 
@@ -58,7 +68,7 @@ class Forecast:
 
 
 @dataclass(frozen=True)
-class Predictor:
+class DirectPredictor:
     """A model with its calibration.
 
     Attributes:
@@ -77,7 +87,7 @@ class Predictor:
     known: np.ndarray
     unit: float
 
-    def predict(self, section: Section, before: np.ndarray) -> Forecast:
+    def predict(self, section: SectionColumns, before: np.ndarray) -> Forecast:
         """The forecast of a section.
 
         Args:
@@ -98,14 +108,14 @@ class Predictor:
         )
 
     def derivative(
-        self, section: Section, before: np.ndarray, tangents: np.ndarray
+        self, section: SectionColumns, before: np.ndarray, tangents: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Exact derivative along changes of the zones' values, in double precision.
 
         Args:
             section: its columns.
             before: toes before the slide [heights].
-            tangents: (p, Z, 3) in the units of `Section.values`.
+            tangents: (p, Z, 3) in the units of `SectionColumns.values`.
 
         Returns:
             of the toes (p, 2), of the thickness (p, C) [m] and of the times (p, 3, S) [s].
@@ -128,7 +138,7 @@ class Predictor:
             unit * np.stack([one.detach().numpy() for one in slope]) for unit, slope in slopes
         )
 
-    def distance(self, section: Section) -> float:
+    def distance(self, section: SectionColumns) -> float:
         """To the nearest section learned from; 1: as the outermost of these."""
         return self._neighbours.distance(described(section)) / self.unit
 
@@ -160,7 +170,7 @@ class Predictor:
             )
 
     @classmethod
-    def load(cls, path: Path) -> Predictor:
+    def load(cls, path: Path) -> DirectPredictor:
         """Read a model as plain numbers: nothing in the file is executed.
 
         Raises:
@@ -182,7 +192,7 @@ class Predictor:
         return cls(model.eval().requires_grad_(False), toe, thickness, times, known, unit)
 
 
-def described(section: Section) -> np.ndarray:
+def described(section: SectionColumns) -> np.ndarray:
     """A section in a few numbers of about unit spread over the training, (F,).
 
     The mirror image has the same numbers, but for the faces and the fall of the water

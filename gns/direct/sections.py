@@ -62,7 +62,7 @@ DEEPEST = 2.0
 
 
 @dataclass(frozen=True)
-class Section:
+class SectionColumns:
     """A scene as the model sees it.
 
     Attributes:
@@ -146,7 +146,7 @@ def check_settings(scene: Scene, settings: SimulationSettings) -> None:
             )
 
 
-def section_of(scene: Scene, gravity: float = 9.81) -> Section:
+def section_of(scene: Scene, gravity: float = 9.81) -> SectionColumns:
     """The columns of a scene.
 
     Raises:
@@ -200,7 +200,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> Section:
     closed = scene.domain.walls == "closed"
     wall = (x < scene.domain.x_min) | (x > scene.domain.x_max) if closed else np.zeros(COLUMNS)
     base = float(scene.ground.height(middle))
-    return Section(
+    return SectionColumns(
         height=height,
         middle=middle,
         base=base,
@@ -251,7 +251,7 @@ def _of_layers(held: np.ndarray) -> np.ndarray:
     return held.reshape(-1, LAYERS, SAMPLES).sum(axis=2)
 
 
-def with_strengths(section: Section, scene: Scene) -> Section:
+def with_strengths(section: SectionColumns, scene: Scene) -> SectionColumns:
     """A section with the strengths of a scene that differs from its own in nothing else."""
     own = _strengths(scene, section.unit_kpa)
     return replace(section, values=np.column_stack([own, section.values[:, 2]]))
@@ -281,7 +281,11 @@ class Outcome:
 
 
 def outcome_of(
-    section: Section, initial: np.ndarray, final: np.ndarray, volume: np.ndarray, spacing: float
+    section: SectionColumns,
+    initial: np.ndarray,
+    final: np.ndarray,
+    volume: np.ndarray,
+    spacing: float,
 ) -> Outcome | None:
     """What a run left, read as a survey reads it; None: it went beyond the columns.
 
@@ -303,7 +307,9 @@ def outcome_of(
     return Outcome(thickness / section.height, toes, before)
 
 
-def toes_of(section: Section, points: np.ndarray, volume: np.ndarray, spacing: float) -> np.ndarray:
+def toes_of(
+    section: SectionColumns, points: np.ndarray, volume: np.ndarray, spacing: float
+) -> np.ndarray:
     """Left and right toe of points (N, 2) [m] as a survey reads them, (2,) [heights].
 
     Their volumes are (N,) [m2 per m of width].

@@ -33,7 +33,7 @@ from gns.direct.network import (
     mirrored,
 )
 from gns.direct.runs import SlideRun, read_runs
-from gns.direct.sections import Outcome, Section, outcome_of, section_of
+from gns.direct.sections import Outcome, SectionColumns, outcome_of, section_of
 from gns.training.optimizers import Optimizers
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, content_hash
@@ -63,7 +63,7 @@ class Sample:
 
     run: int
     name: str
-    section: Section
+    section: SectionColumns
     outcome: Outcome
     times: np.ndarray
     split: str
@@ -123,12 +123,12 @@ def sample_of(run: SlideRun) -> Sample | None:
     )
 
 
-def times_of(section: Section, arrivals: Arrivals) -> np.ndarray:
+def times_of(section: SectionColumns, arrivals: Arrivals) -> np.ndarray:
     """Arrival times (3, S) [falls] of the left toe, the right toe and all soil on its way."""
     return np.concatenate([arrivals.toes, arrivals.way[None]]) / section.unit_s
 
 
-def _small(section: Section) -> Section:
+def _small(section: SectionColumns) -> SectionColumns:
     """With its large arrays in the precision of the network: tens of thousands are kept."""
     share = section.zone_share.astype(np.float32)
     same = section.strength_share is section.zone_share

@@ -42,7 +42,7 @@ OWN_RIDGE = 3.0
 
 
 @dataclass(frozen=True)
-class Example:
+class TrainingSide:
     """One side of a training run."""
 
     view: SideView
@@ -72,7 +72,7 @@ class Guess:
     spacing_m: float
 
 
-def examples(windows: Windows) -> list[Example]:
+def examples(windows: Windows) -> list[TrainingSide]:
     """Both sides of every run of a split; a side without a deposit is left out."""
     found = []
     for row, run in enumerate(windows.runs):
@@ -82,7 +82,7 @@ def examples(windows: Windows) -> list[Example]:
             if math.isfinite(reached):
                 view = side_view(start, facts, side)
                 wall = wall_distance(start, facts, side)
-                found.append(Example(view, windows.templates[row], wall, reached))
+                found.append(TrainingSide(view, windows.templates[row], wall, reached))
     return found
 
 
@@ -107,7 +107,7 @@ def wall_distance(start: np.ndarray, facts: SceneFacts, side: Side) -> float:
 class NearestRun:
     """The runout of the nearest training run, or the mean of the nearest `neighbours`."""
 
-    known: Sequence[Example]
+    known: Sequence[TrainingSide]
     neighbours: int = 1
     name: str = field(init=False)
 
@@ -131,7 +131,7 @@ class NearestRun:
 class SlidingBlock:
     """A regression on the travel of a sliding block and the features."""
 
-    known: Sequence[Example]
+    known: Sequence[TrainingSide]
     name: str = field(default="sliding-block regression", init=False)
     ridge: float = field(init=False)
 

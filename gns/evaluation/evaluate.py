@@ -17,7 +17,7 @@ import numpy as np
 
 from gns.data.dataset import Windows
 from gns.data.scene_facts import SceneFacts, before
-from gns.evaluation.metrics import Score, one_step_error, score
+from gns.evaluation.metrics import RolloutScore, one_step_error, score
 from gns.network.simulator import Simulator
 from gns.rollout.rollout import rolled_out
 from pipeline.cli import InputError
@@ -40,7 +40,7 @@ class Evaluated:
         mpm_seconds: time of the material point method, where it is known.
     """
 
-    score: Score
+    score: RolloutScore
     one_step_error: float
     constant_velocity_error: float
     seconds: float

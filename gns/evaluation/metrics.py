@@ -1,8 +1,8 @@
 """How far a rollout is from the simulation it stands for.
 
-In: predicted and simulated positions of the same frames, and the scene's facts. Out: one `Score` a
-run (`gns.evaluation.score_tables` makes tables of them). Numpy alone; the deposit is read by the
-definitions with which everything else is measured (`geometry.survey`).
+In: predicted and simulated positions of the same frames, and the scene's facts. Out: one
+`RolloutScore` a run (`gns.evaluation.score_tables` makes tables of them). Numpy alone; the deposit
+is read by the definitions with which everything else is measured (`geometry.survey`).
 
 Errors are in metres, and where it says so in spacings d. Only soil counts: kinematic points are
 where they are prescribed. A rollout that is not finite has infinite errors, so that it can be
@@ -34,7 +34,7 @@ cell. In simulations of thrown blocks points sink up to 1.4 spacings into slopin
 
 
 @dataclass(frozen=True)
-class Score:
+class RolloutScore:
     """One rollout against its simulation. NaN where a number has no meaning for the run.
 
     Attributes:
@@ -87,7 +87,7 @@ def score(
     *,
     run: int = 0,
     template: str = "",
-) -> Score:
+) -> RolloutScore:
     """Compare a rollout with its simulation.
 
     Args:
@@ -108,7 +108,7 @@ def score(
     thickness, share = profile_error(predicted[-1], simulated[-1], facts)
     kinetic, released = energy_errors(predicted, simulated, facts)
     enough = travel > LEAST_TRAVEL * facts.spacing
-    return Score(
+    return RolloutScore(
         run=run,
         template=template,
         points=facts.points,

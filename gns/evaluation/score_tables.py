@@ -1,7 +1,7 @@
 """Scores of many runs: medians by template, and the worst of them.
 
-In: `gns.evaluation.metrics.Score`s. Out: tables of numbers. NaN (no meaning for the run) is left
-out of a median, infinity (a rollout that is not finite) counts.
+In: `gns.evaluation.metrics.RolloutScore`s. Out: tables of numbers. NaN (no meaning for the run) is
+left out of a median, infinity (a rollout that is not finite) counts.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-from gns.evaluation.metrics import Score
+from gns.evaluation.metrics import RolloutScore
 
-COLUMNS: tuple[tuple[str, Callable[[Sequence[Score]], float]], ...] = (
+COLUMNS: tuple[tuple[str, Callable[[Sequence[RolloutScore]], float]], ...] = (
     ("runs", len),
     ("travel, d", lambda scores: _median(s.travel_m / s.spacing_m for s in scores)),
     ("position, d", lambda scores: _median(s.position_error_m / s.spacing_m for s in scores)),
@@ -27,7 +27,7 @@ COLUMNS: tuple[tuple[str, Callable[[Sequence[Score]], float]], ...] = (
 """Columns of a table of scores: name, and the number for some runs. Medians but where it says."""
 
 
-def by_template(scores: Sequence[Score]) -> dict[str, dict[str, float]]:
+def by_template(scores: Sequence[RolloutScore]) -> dict[str, dict[str, float]]:
     """Table of scores: "all", then a row for each template; columns of COLUMNS."""
     letters = sorted({one.template for one in scores})
     groups = {"all": list(scores)}
@@ -38,10 +38,10 @@ def by_template(scores: Sequence[Score]) -> dict[str, dict[str, float]]:
     }
 
 
-def worst(scores: Sequence[Score], count: int = 5) -> list[Score]:
+def worst(scores: Sequence[RolloutScore], count: int = 5) -> list[RolloutScore]:
     """The runs with the largest errors of the runout, the worst first."""
 
-    def key(one: Score) -> float:
+    def key(one: RolloutScore) -> float:
         size = abs(one.runout_error_spacings)
         return -1.0 if math.isnan(size) else size
 

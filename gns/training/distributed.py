@@ -20,7 +20,7 @@ from pipeline.cli import InputError
 
 
 @dataclass(frozen=True)
-class Group:
+class ProcessGroup:
     """The processes that learn together.
 
     Attributes:
@@ -68,7 +68,7 @@ class Group:
 
 
 @contextmanager
-def group(device: str = "auto") -> Iterator[Group]:
+def group(device: str = "auto") -> Iterator[ProcessGroup]:
     """The group of this process, for as long as the context lasts.
 
     Args:
@@ -89,7 +89,7 @@ def group(device: str = "auto") -> Iterator[Group]:
     if size > 1:
         distributed.init_process_group("nccl" if on_gpu else "gloo")
     try:
-        yield Group(rank, size, chosen)
+        yield ProcessGroup(rank, size, chosen)
     finally:
         if size > 1:
             distributed.destroy_process_group()

@@ -17,7 +17,7 @@ from gns.network.simulator import Simulator
 from gns.training.sampling import Example
 
 
-class Objective(nn.Module):
+class TrainingObjective(nn.Module):
     """A simulator with its loss, one module so that gradients of processes are averaged as a whole.
 
     Args:

@@ -29,8 +29,8 @@ from gns.data.statistics import merge, run_moments
 from gns.network.growing import grown
 from gns.network.simulator import Simulator, SimulatorConfig
 from gns.training.checkpoints import ModelFolder
-from gns.training.distributed import Group
-from gns.training.loss import Objective, soil_points
+from gns.training.distributed import ProcessGroup
+from gns.training.loss import TrainingObjective, soil_points
 from gns.training.optimizers import Optimizers
 from gns.training.sampling import Examples
 from gns.training.stopping import StopRequest
@@ -57,7 +57,7 @@ SAMPLED_RUNS = 200
 
 
 @dataclass
-class Outcome:
+class TrainingOutcome:
     """How a call of `train` ended.
 
     Attributes:
@@ -92,8 +92,8 @@ class _Training:
 
     settings: TrainSettings
     folder: ModelFolder
-    group: Group
-    objective: Objective
+    group: ProcessGroup
+    objective: TrainingObjective
     averaged: Simulator | None
     optimizer: Optimizers
     made_from: dict[str, Any]
@@ -106,7 +106,7 @@ def train(
     learned: Windows,
     held_out: Windows,
     settings: TrainSettings,
-    group: Group,
+    group: ProcessGroup,
     *,
     start: Simulator | None = None,
     start_over: bool = False,
@@ -114,7 +114,7 @@ def train(
     on_start: Callable[[int], None] | None = None,
     on_step: Callable[[int, float], None] | None = None,
     on_validation: Callable[[int, Validation], None] | None = None,
-) -> Outcome:
+) -> TrainingOutcome:
     """Learn, or go on learning, until the last step or a stop.
 
     Args:
@@ -163,7 +163,7 @@ def train(
     if not runs and state.step == settings.steps:
         _keep_model(training, None)
     group.wait()
-    return Outcome(
+    return TrainingOutcome(
         step=state.step,
         finished=state.step == settings.steps,
         cut_short=stop is not None and stop.cut_short,
@@ -265,7 +265,7 @@ def _begin(
     folder: ModelFolder,
     learned: Windows,
     settings: TrainSettings,
-    group: Group,
+    group: ProcessGroup,
     start: Simulator | None,
     start_over: bool,
 ) -> _Training:
@@ -284,7 +284,7 @@ def _begin(
         settings=settings,
         folder=folder,
         group=group,
-        objective=Objective(simulator, settings.unroll, settings.balance),
+        objective=TrainingObjective(simulator, settings.unroll, settings.balance),
         averaged=deepcopy(simulator) if settings.averaging > 0 else None,
         optimizer=optimizer,
         made_from=made_from,
@@ -350,7 +350,7 @@ def _contacts(learned: Windows) -> list[str]:
 
 
 def _made_from(
-    learned: Windows, settings: TrainSettings, group: Group, start: Simulator | None
+    learned: Windows, settings: TrainSettings, group: ProcessGroup, start: Simulator | None
 ) -> dict[str, Any]:
     """Everything that determines a training; one with the same may be continued."""
     values = settings.model_dump(mode="json")

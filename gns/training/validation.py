@@ -16,10 +16,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from gns.data.dataset import Windows
-from gns.evaluation.metrics import Score, score
+from gns.evaluation.metrics import RolloutScore, score
 from gns.network.simulator import Simulator
 from gns.rollout.rollout import rolled_out
-from gns.training.distributed import Group
+from gns.training.distributed import ProcessGroup
 
 FAILED_ERROR = 100.0
 """Error [spacings] as which a rollout that fails counts; larger ones count no more than it."""
@@ -70,7 +70,7 @@ def choose_runs(windows: Windows, number: int) -> list[int]:
 
 
 def validate(
-    simulator: Simulator, windows: Windows, runs: Sequence[int], group: Group
+    simulator: Simulator, windows: Windows, runs: Sequence[int], group: ProcessGroup
 ) -> Validation:
     """Roll out held-out runs and compare them with the simulations."""
     own = [score_run(simulator, windows, run) for run in runs[group.rank :: group.size]]
@@ -78,14 +78,14 @@ def validate(
     return summary(scores)
 
 
-def score_run(simulator: Simulator, windows: Windows, run: int) -> Score:
+def score_run(simulator: Simulator, windows: Windows, run: int) -> RolloutScore:
     """A rollout of one packed run, from its first frame to its last, against the run itself."""
     simulated, facts = windows.positions(run), windows.facts(run)
     _, predicted = rolled_out(simulator, simulated, facts)
     return score(predicted, simulated, facts, run=run, template=windows.template_of(run))
 
 
-def summary(scores: Sequence[Score]) -> Validation:
+def summary(scores: Sequence[RolloutScore]) -> Validation:
     """The numbers of a validation from the scores of its runs."""
     final = [_capped(one.final_position_error_m / one.spacing_m) for one in scores]
     whole = [_capped(one.position_error_m / one.spacing_m) for one in scores]

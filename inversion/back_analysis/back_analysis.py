@@ -23,7 +23,7 @@ import mpm_taichi
 from inversion import PHYSICS_VERSION
 from inversion.back_analysis import result_builder
 from inversion.back_analysis.asked import Asked, Sides
-from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
+from inversion.back_analysis.case import InversionCase, WaterfallReading, of_waterfall
 from inversion.back_analysis.changed_answers import (
     Here,
     Solved,
@@ -165,7 +165,7 @@ class BackAnalysis:
         return stages
 
     @property
-    def _waterfall(self) -> list[Reading]:
+    def _waterfall(self) -> list[WaterfallReading]:
         """The readings on the way to the question; empty: none asked for, as of a body."""
         return self.case.waterfall if isinstance(self.case, InversionCase) else []
 
@@ -576,7 +576,7 @@ class BackAnalysis:
         self.waterfall = WaterfallAnswer(parameter=name, stated=asked.stated, bars=bars)
 
     def _solved_reading(
-        self, reading: Reading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
+        self, reading: WaterfallReading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
     ) -> Problem | None:
         """From the answer and the derivative of the reading before; else by a search of its own."""
         objective = self.objective_of(setup)

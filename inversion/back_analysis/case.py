@@ -1,8 +1,8 @@
 """A case and the question of its back-analysis: `inversion.yaml` made into a problem.
 
-In: a `geometry.case.Case`. Out: an `InversionCase`, with a `Reading` for each step of a waterfall:
-the way from another reading to the question. Whatever is wrong with the question is an `InputError`
-of one line.
+In: a `geometry.case.Case`. Out: an `InversionCase`, with a `WaterfallReading` for each step of a
+waterfall: the way from another reading to the question. Whatever is wrong with the question is an
+`InputError` of one line.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class InversionCase(Case, Asked):
         return point_count(self.scene)
 
     @cached_property
-    def waterfall(self) -> list[Reading]:
+    def waterfall(self) -> list[WaterfallReading]:
         """The readings on the way to the question, in order; empty: none asked for."""
         known: dict[str, InversionCase] = {}
 
@@ -148,7 +148,7 @@ def _family(case: Case, question: Question) -> SectionFamily | None:
 
 
 @dataclass(frozen=True)
-class Reading:
+class WaterfallReading:
     """One step.
 
     Attributes:
@@ -181,7 +181,7 @@ def of_waterfall(case: InversionCase) -> int:
     return 0 if wanted is None else case.parameters.names.index(wanted)
 
 
-def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[Reading]:
+def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[WaterfallReading]:
     """The steps of a case's waterfall, at the coarse spacing where there is one; empty: none asked.
 
     Args:
@@ -213,7 +213,7 @@ def readings(case: InversionCase, load: Callable[[str], InversionCase]) -> list[
         changed = apply_changes(here.setup, changes, where)
         place = own if here is case else places[0]
         setup = _same_targets(case, here, changed.setup, where)
-        found.append(Reading(step.name, changed.words, here, setup, place))
+        found.append(WaterfallReading(step.name, changed.words, here, setup, place))
     return found
 
 

@@ -14,7 +14,7 @@ from geometry.sides import Side
 from inversion.back_analysis.result import HandCheck, ParameterAnswer
 from inversion.classical.block import block_factor
 from inversion.classical.search import critical_circle
-from inversion.classical.section import Section, section_of
+from inversion.classical.section import ClassicalSection, section_of
 from inversion.classical.slices import WaterForm
 from pipeline.cli import WorkFailed
 
@@ -63,7 +63,7 @@ def stability_check(scene: Scene, side: Side, form: WaterForm) -> HandCheck:
     )
 
 
-def _circle_factor(scene: Scene, section: Section, side: Side, form: WaterForm) -> float:
+def _circle_factor(scene: Scene, section: ClassicalSection, side: Side, form: WaterForm) -> float:
     """The lowest factor of safety by Bishop's method; nan where no circle stays within the soil."""
     low, high = scene.extent
     near = 0.02 * (high - low)

@@ -16,7 +16,7 @@ import numpy as np
 
 from inversion.back_analysis.asked import Sides
 from inversion.back_analysis.back_analysis import BackAnalysis
-from inversion.back_analysis.case import Reading
+from inversion.back_analysis.case import WaterfallReading
 from inversion.back_analysis.perturbed_answers import Problem
 from inversion.engines.model_error import (
     Corrected,
@@ -246,7 +246,7 @@ class LearnedAnalysis(BackAnalysis):
         return self._if_known(name, lambda: search(name, setup, start, engine))
 
     def _solved_reading(
-        self, reading: Reading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
+        self, reading: WaterfallReading, setup: Setup, begin: np.ndarray, slope: np.ndarray | None
     ) -> Problem | None:
         """A reading of the waterfall; None, and a line, where the engine does not know it."""
         solve = super()._solved_reading

@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry.scenes.doubts import thin_layers
 from inversion.back_analysis.asked import Asked
-from inversion.back_analysis.case import InversionCase, Reading, of_waterfall
+from inversion.back_analysis.case import InversionCase, WaterfallReading, of_waterfall
 from inversion.back_analysis.perturbed_answers import EquivalentAnswer, Problem
 from inversion.back_analysis.result import (
     Answer,
@@ -251,7 +251,7 @@ def answer(
     )
 
 
-def waterfall_bar(reading: Reading, setup: Setup, solved: Problem) -> WaterfallBar:
+def waterfall_bar(reading: WaterfallReading, setup: Setup, solved: Problem) -> WaterfallBar:
     """A solved reading; `setup` with its one unknown."""
     return WaterfallBar(
         name=reading.name,
@@ -266,7 +266,7 @@ def waterfall_bar(reading: Reading, setup: Setup, solved: Problem) -> WaterfallB
     )
 
 
-def last_bar(case: InversionCase, found: SearchResult, last: Reading) -> WaterfallBar:
+def last_bar(case: InversionCase, found: SearchResult, last: WaterfallReading) -> WaterfallBar:
     """The answer, after the last of the readings."""
     spacing, targets, place = case.scene.spacing, case.setup.targets, of_waterfall(case)
     other = last.setup.scene.changed(spacing=spacing) != case.scene

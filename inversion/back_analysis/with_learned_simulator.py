@@ -28,7 +28,7 @@ from inversion.engines.gns_engine import GNSEngine, prepare
 from inversion.engines.registry import REFERENCE, engine_named
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import Store
-from inversion.engines.trained_model import Model, load_model
+from inversion.engines.trained_model import TrainedModel, load_model
 from inversion.estimation.calibrate import calibrate
 from inversion.estimation.forward import Prediction
 from inversion.estimation.search import SearchResult
@@ -86,7 +86,7 @@ class SurrogateAnalysis(LearnedAnalysis):
 
     engine_name: str = "gns"
 
-    model: Model
+    model: TrainedModel
     rollouts: RolloutStore
     on_frame: Callable[[int, int], None] | None = None
     left_out: str = ""

@@ -23,7 +23,7 @@ from inversion.classical.limit_equilibrium import (
     required_strength,
     spencer,
 )
-from inversion.classical.morph import Slide, Stage
+from inversion.classical.morph import MorphedSlide, Stage
 from inversion.classical.search import FoundCircle, critical_circle
 from inversion.classical.section import OUTSIDE
 from inversion.classical.sections_of_case import CaseSections, SurfaceAfter
@@ -117,7 +117,7 @@ class Analysis:
     """Everything about one slide."""
 
     judgement: Judgement
-    slide: Slide
+    slide: MorphedSlide
     after: SurfaceAfter
     answers: list[MethodAnswer]
     before: Stability
@@ -144,11 +144,11 @@ class Workbench:
         self.case = case
         self.judgement = judgement
         self._slips: dict[str, Polyline] = {}
-        self._slides: dict[tuple, Slide] = {}
+        self._slides: dict[tuple, MorphedSlide] = {}
         self._stages: dict[tuple[int, float], Stage] = {}
         self._slices: dict[tuple, Slices] = {}
 
-    def slide(self, judgement: Judgement) -> Slide:
+    def slide(self, judgement: Judgement) -> MorphedSlide:
         """The slide of a judgement.
 
         Raises:
@@ -387,7 +387,7 @@ def _known(values: Mapping[Method, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def _circle(slide: Slide, judgement: Judgement) -> FoundCircle | None:
+def _circle(slide: MorphedSlide, judgement: Judgement) -> FoundCircle | None:
     """The critical circle of the section before, between the same parts of the surface."""
     toe, head = slide.toe_before, slide.head
     middle, end = toe + 0.5 * (head - toe), toe + 0.45 * (head - toe)

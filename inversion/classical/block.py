@@ -17,7 +17,7 @@ from shapely.ops import unary_union
 from geometry.scenes.polygon_checks import on_verticals
 from geometry.sides import Side, outward_of
 from inversion.classical.limit_equilibrium import force_balance
-from inversion.classical.section import Section
+from inversion.classical.section import ClassicalSection
 from inversion.classical.slices import WaterForm, slice_at
 
 #: Verticals at which the bottom of the liquefied soil is read, and places of either end of a block.
@@ -63,7 +63,7 @@ class Blocks:
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
 
-def block_factor(section: Section, side: Side, form: WaterForm) -> float:
+def block_factor(section: ClassicalSection, side: Side, form: WaterForm) -> float:
     """The lowest factor of safety of a block on the liquefied soil; nan where there is no block.
 
     Args:
@@ -97,7 +97,7 @@ def block_factor(section: Section, side: Side, form: WaterForm) -> float:
     return float(np.nanmin(factor)) if np.isfinite(factor).any() else float("nan")
 
 
-def _bottom(section: Section) -> tuple[np.ndarray, np.ndarray]:
+def _bottom(section: ClassicalSection) -> tuple[np.ndarray, np.ndarray]:
     """The lowest liquefied soil: places x (n,) and elevations (n,) [m], a hair above its border."""
     zones = zip(section.polygons, section.soils, strict=True)
     liquefied = [Polygon(outline) for outline, soil in zones if soil.liquefied]

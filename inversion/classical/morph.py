@@ -1,7 +1,7 @@
 """Sections of a slide on its way, by machine: x_pre + f (x_post - x_pre), area conserved.
 
-In: the section before, the slip surface, the surface after. Out: `Slide.section(f)`, the section
-after a share f of the displacement.
+In: the section before, the slip surface, the surface after. Out: `MorphedSlide.section(f)`, the
+section after a share f of the displacement.
 
 Which soil goes where is not known; an analyst draws it. Here every vertical column of the moving
 mass goes, in order, to the place where as much area lies ahead of it as before: the columns keep
@@ -23,7 +23,7 @@ import shapely
 from shapely.geometry import Polygon, box
 
 from geometry.sides import Side
-from inversion.classical.section import Section, water_line_after
+from inversion.classical.section import ClassicalSection, water_line_after
 from inversion.classical.slices import Polyline, Slices, WaterForm, cut
 from pipeline.cli import InputError
 
@@ -51,7 +51,7 @@ class Stage:
     """
 
     share: float
-    section: Section
+    section: ClassicalSection
     slip: Polyline
     origin: Callable[[np.ndarray], np.ndarray]
     destination: Callable[[np.ndarray], np.ndarray]
@@ -59,7 +59,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Slide:
+class MorphedSlide:
     """A slide from one section to another.
 
     Attributes:
@@ -69,7 +69,7 @@ class Slide:
         side: to which the mass slid.
     """
 
-    before: Section
+    before: ClassicalSection
     slip: Polyline
     after: np.ndarray
     side: Side
@@ -186,7 +186,7 @@ class Slide:
             polygons.append(self._moved(polygon, old, new, height))
             soils.append(self.before.soils[number])
             names.append(self._name(number))
-        section = Section(polygons, soils, self.before.ground, self.before.water, names)
+        section = ClassicalSection(polygons, soils, self.before.ground, self.before.water, names)
         section = replace(section, water=water_line_after(self.before, section))
         base = np.unique(np.concatenate([new[[0, -1]], self._corners(new[0], new[-1])]))
         return Stage(

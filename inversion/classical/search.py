@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.sides import Side
 from inversion.classical.limit_equilibrium import bishop, required_strength
-from inversion.classical.section import Section
+from inversion.classical.section import ClassicalSection
 from inversion.classical.slices import Circle, Polyline, WaterForm, slice_at
 from pipeline.cli import WorkFailed
 from pipeline.ties import largest_place, ranked
@@ -46,7 +46,7 @@ class FoundPolyline:
 
 
 def critical_circle(
-    section: Section,
+    section: ClassicalSection,
     side: Side,
     *,
     head: tuple[float, float],
@@ -95,7 +95,7 @@ def critical_circle(
 
 
 def critical_polyline(
-    section: Section,
+    section: ClassicalSection,
     side: Side,
     *,
     toe: float,
@@ -167,7 +167,7 @@ def critical_polyline(
 
 
 def _circles(
-    section: Section, x_head: np.ndarray, x_toe: np.ndarray, sag: np.ndarray
+    section: ClassicalSection, x_head: np.ndarray, x_toe: np.ndarray, sag: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Centres, radii and ends of arcs by their ends on the surface and sag / chord: (C,) each."""
     y_head, y_toe = section.surface(x_head), section.surface(x_toe)
@@ -184,7 +184,7 @@ def _circles(
 
 
 def _circle_values(
-    section: Section,
+    section: ClassicalSection,
     circles: tuple[np.ndarray, ...],
     side: Side,
     form: WaterForm,
@@ -221,7 +221,7 @@ def _circle_values(
 
 
 def _polylines(
-    section: Section,
+    section: ClassicalSection,
     toe: float,
     foot: np.ndarray,
     along: np.ndarray,
@@ -253,7 +253,9 @@ def _levels(surfaces: np.ndarray, x: np.ndarray) -> np.ndarray:
     )
 
 
-def _within(section: Section, surfaces: np.ndarray, not_above: Polyline | None) -> np.ndarray:
+def _within(
+    section: ClassicalSection, surfaces: np.ndarray, not_above: Polyline | None
+) -> np.ndarray:
     """Which polylines stay in the soil, and under the surface after the slide."""
     ends = np.sort(surfaces[:, [0, -1], 0], axis=1)
     x = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, 81)[1:-1]

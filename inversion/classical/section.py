@@ -1,9 +1,10 @@
 """A section as limit equilibrium sees it: polygons of soil, a base, a water line.
 
-In: a scene, or the zones of a slide on its way. Out: a `Section` that answers, for any places at
-once, how heavy the column above a point is, how much of it is under water, where its surface lies
-and which soil is there. Exact for polygons: along a vertical line the length of a polygon above y
-is the sum over its edges of +-max(y_edge - y, 0), plus for upper edges, minus for lower ones.
+In: a scene, or the zones of a slide on its way. Out: a `ClassicalSection` that answers, for any
+places at once, how heavy the column above a point is, how much of it is under water, where its
+surface lies and which soil is there. Exact for polygons: along a vertical line the length of a
+polygon above y is the sum over its edges of +-max(y_edge - y, 0), plus for upper edges, minus for
+lower ones.
 
 Shapes: P places of any shape, E edges of all zones. SI units; per metre of width.
 """
@@ -27,7 +28,7 @@ OUTSIDE = -1
 
 
 @dataclass(frozen=True)
-class Soil:
+class ClassicalSoil:
     """Properties of one material that the classical methods need; SI units.
 
     Attributes:
@@ -50,10 +51,10 @@ class Soil:
     ratio: float = 0.0
 
 
-def soil_of(name: str, material: Material, *, unit_weight_factor: float = 1.0) -> Soil:
-    """The `Soil` of a scene's material; both densities are multiplied by the factor."""
+def soil_of(name: str, material: Material, *, unit_weight_factor: float = 1.0) -> ClassicalSoil:
+    """The `ClassicalSoil` of a scene's material; both densities are multiplied by the factor."""
     saturated = material.saturated_density or material.density
-    return Soil(
+    return ClassicalSoil(
         name=name,
         cohesion=material.cohesion_pa,
         friction=float(np.tan(material.friction_rad)),
@@ -65,7 +66,7 @@ def soil_of(name: str, material: Material, *, unit_weight_factor: float = 1.0) -
 
 
 @dataclass(frozen=True)
-class Section:
+class ClassicalSection:
     """Zones of soil above a rigid base, and the line below which pores are full of water.
 
     Attributes:
@@ -78,7 +79,7 @@ class Section:
     """
 
     polygons: Sequence[np.ndarray]
-    soils: Sequence[Soil]
+    soils: Sequence[ClassicalSoil]
     ground: np.ndarray
     water: np.ndarray | None = None
     names: Sequence[str] = ()
@@ -200,7 +201,9 @@ class Column:
         return self.weight - WATER_UNIT_WEIGHT * self.submerged
 
 
-def section_of(scene: Scene, *, water: bool = True, unit_weight_factor: float = 1.0) -> Section:
+def section_of(
+    scene: Scene, *, water: bool = True, unit_weight_factor: float = 1.0
+) -> ClassicalSection:
     """The section of a scene.
 
     Args:
@@ -216,7 +219,7 @@ def section_of(scene: Scene, *, water: bool = True, unit_weight_factor: float = 
     if water and scene.water_level is not None:
         points = scene.phreatic_line or [(scene.domain.x_min, scene.water_level)]
         line = np.asarray(points, dtype=float)
-    return Section(
+    return ClassicalSection(
         polygons=[np.asarray(zone.polygon, dtype=float) for zone in scene.zones],
         soils=[soils[zone.material] for zone in scene.zones],
         ground=np.asarray(scene.ground.points, dtype=float),
@@ -225,7 +228,7 @@ def section_of(scene: Scene, *, water: bool = True, unit_weight_factor: float = 
     )
 
 
-def water_line_after(before: Section, after: Section) -> np.ndarray | None:
+def water_line_after(before: ClassicalSection, after: ClassicalSection) -> np.ndarray | None:
     """The water line once the surface has changed: a pool floods the ground that sank below it.
 
     On either side the pool is followed inwards to the place where the new surface rises above it.
@@ -270,7 +273,9 @@ def _bend(level: np.ndarray) -> int:
     return int(lower[0]) - 1 if len(lower) else len(level) - 1
 
 
-def _edge_arrays(polygons: Sequence[np.ndarray], soils: Sequence[Soil]) -> dict[str, np.ndarray]:
+def _edge_arrays(
+    polygons: Sequence[np.ndarray], soils: Sequence[ClassicalSoil]
+) -> dict[str, np.ndarray]:
     """All edges that are not vertical, with +1 for upper and -1 for lower ones."""
     parts = []
     for number, (polygon, soil) in enumerate(zip(polygons, soils, strict=True)):

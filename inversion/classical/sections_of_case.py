@@ -1,7 +1,7 @@
 """The two sections of a slide, from a case folder and an analyst's judgement.
 
 In: `scene.yaml`, `measurements.yaml`, profiles, slip surfaces, perhaps a simulated deposit. Out: a
-`Slide`, checked, and where its parts come from.
+`MorphedSlide`, checked, and where its parts come from.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from geometry.sides import Side
 from geometry.survey.profiles import load_profile
 from geometry.survey.surface_profile import surface_profile
 from inversion.classical.judgement import SEARCH, Judgement
-from inversion.classical.morph import Slide
+from inversion.classical.morph import MorphedSlide
 from inversion.classical.search import critical_polyline
-from inversion.classical.section import Section, section_of
+from inversion.classical.section import ClassicalSection, section_of
 from inversion.classical.slices import Polyline
 from pipeline.cli import InputError, WorkFailed
 
@@ -78,7 +78,7 @@ class CaseSections(Case):
         kind = "constructed" if confidence == "constructed" else "measured"
         return SurfaceAfter(np.column_stack([profile.x, profile.y]), kind, name)
 
-    def section(self, judgement: Judgement, head: float | None = None) -> Section:
+    def section(self, judgement: Judgement, head: float | None = None) -> ClassicalSection:
         """The section before the slide, with the water a judgement asks for.
 
         Args:
@@ -137,7 +137,7 @@ class CaseSections(Case):
         except WorkFailed as problem:
             raise InputError(f"{self.folder}: {judgement.name}: slip surface: {problem}") from None
 
-    def slide(self, judgement: Judgement, slip: Polyline) -> Slide:
+    def slide(self, judgement: Judgement, slip: Polyline) -> MorphedSlide:
         """The slide of one analysis on a slip surface, checked.
 
         Raises:
@@ -145,7 +145,7 @@ class CaseSections(Case):
         """
         head = slip.ends[1 if judgement.side == "left" else 0]
         section, after = self.section(judgement, head), self.after(judgement)
-        slide = Slide(section, slip, after.points, judgement.side)
+        slide = MorphedSlide(section, slip, after.points, judgement.side)
         try:
             slide.check()
         except InputError as problem:
@@ -196,7 +196,7 @@ def simulated_surface(path: str | Path, scene: Scene) -> SurfaceAfter:
     return SurfaceAfter(np.column_stack([x, y]), "simulated", str(path))
 
 
-def head_of(section: Section, after: np.ndarray, side: Side) -> float:
+def head_of(section: ClassicalSection, after: np.ndarray, side: Side) -> float:
     """Upper end of the mass that moved to one side [m].
 
     From the toe inwards, the place where the surface stops changing; where all of it changed,
@@ -221,7 +221,7 @@ def head_of(section: Section, after: np.ndarray, side: Side) -> float:
     return float(x[beyond[0]])
 
 
-def _foot_range(section: Section, toe: float, head: float) -> tuple[float, float]:
+def _foot_range(section: ClassicalSection, toe: float, head: float) -> tuple[float, float]:
     """Where a slip surface along the base may begin to rise [m]."""
     liquefied = np.concatenate(
         [

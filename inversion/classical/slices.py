@@ -1,8 +1,8 @@
 """Slices on a slip surface: the forces that every method of limit equilibrium starts from.
 
-In: a `Section`, a slip surface (polyline or circle), the side to which the mass slides. Out:
-`Slices`, arrays whose last axis runs over the slices from left to right; leading axes are other
-slip surfaces, so that a search is one call.
+In: a `ClassicalSection`, a slip surface (polyline or circle), the side to which the mass slides.
+Out: `Slices`, arrays whose last axis runs over the slices from left to right; leading axes are
+other slip surfaces, so that a search is one call.
 
 Water is taken into account in one of two ways, never both:
 
@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 
 from geometry.sides import Side
-from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, Section
+from inversion.classical.section import OUTSIDE, WATER_UNIT_WEIGHT, ClassicalSection
 
 WaterForm = Literal["buoyant", "pore_pressure"]
 
@@ -145,13 +145,13 @@ class Slices:
 
 
 def cut(
-    section: Section,
+    section: ClassicalSection,
     slip: SlipSurface,
     side: Side,
     *,
     form: WaterForm = "buoyant",
     count: int = SLICES,
-    strength_of: Section | None = None,
+    strength_of: ClassicalSection | None = None,
     outside_liquefied: bool = False,
     base_soil: Callable[[np.ndarray], np.ndarray] | None = None,
     stops: np.ndarray | None = None,
@@ -205,13 +205,13 @@ def cut(
 
 
 def slice_at(
-    section: Section,
+    section: ClassicalSection,
     edges: np.ndarray,
     base: np.ndarray,
     side: Side,
     *,
     form: WaterForm = "buoyant",
-    strength_of: Section | None = None,
+    strength_of: ClassicalSection | None = None,
     outside_liquefied: bool = False,
     base_soil: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Slices:
@@ -281,7 +281,9 @@ def slice_at(
     )
 
 
-def _strengths(section: Section, zone: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _strengths(
+    section: ClassicalSection, zone: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cohesion, tangent of friction, liquefied, of zones by number; outside is liquefied."""
     cohesion = np.array([*(soil.cohesion for soil in section.soils), 0.0])
     friction = np.array([*(soil.friction for soil in section.soils), 0.0])
@@ -291,7 +293,7 @@ def _strengths(section: Section, zone: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _hydrostatics(
-    section: Section,
+    section: ClassicalSection,
     edges: np.ndarray,
     base: np.ndarray,
     x: np.ndarray,

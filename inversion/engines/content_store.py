@@ -19,9 +19,15 @@ Kept = TypeVar("Kept")
 # What zipfile and numpy raise on a file that is cut short or damaged, depending on where. Of memory
 # where a header claims more than there is.
 DAMAGE = (
-    OSError, KeyError, ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile,
+    OSError,
+    KeyError,
+    ValueError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    zipfile.BadZipFile,
     zlib.error,
-)  # fmt: skip
+)
 
 
 class ContentStore(Generic[Kept]):

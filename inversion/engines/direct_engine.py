@@ -25,9 +25,9 @@ from geometry.survey.measured import Measured, Reading
 from geometry.survey.no_flow import NoFlow
 from geometry.survey.toe_runout import ToeRunout
 from gns.data.distance import FARTHEST
-from gns.direct.predictor import MODEL_FILE, Forecast, Predictor
+from gns.direct.predictor import MODEL_FILE, DirectPredictor, Forecast
 from gns.direct.sections import (
-    Section,
+    SectionColumns,
     check_settings,
     section_of,
     toes_of,
@@ -64,7 +64,7 @@ class Start:
     """
 
     setup: SectionSetup
-    section: Section
+    section: SectionColumns
     before: np.ndarray
     initial: np.ndarray
     zone: np.ndarray
@@ -79,7 +79,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Asked:
+class DirectRequest:
     """A request as the model sees it.
 
     Attributes:
@@ -89,7 +89,7 @@ class Asked:
 
     setup: SectionSetup
     scene: Scene
-    section: Section
+    section: SectionColumns
     start: Start
 
     @property
@@ -106,7 +106,7 @@ class DirectEngine(Forward):
         anywhere: answer also far outside what the model has learned from.
     """
 
-    def __init__(self, predictor: Predictor, *, anywhere: bool = False) -> None:
+    def __init__(self, predictor: DirectPredictor, *, anywhere: bool = False) -> None:
         super().__init__()
         self.predictor = predictor
         self.anywhere = anywhere
@@ -122,7 +122,7 @@ class DirectEngine(Forward):
         """
         self.runs += len(requests)
         return [
-            self._predicted(one, *self.forecast(one)) if isinstance(one, Asked) else one
+            self._predicted(one, *self.forecast(one)) if isinstance(one, DirectRequest) else one
             for one in self._asked(requests)
         ]
 
@@ -138,7 +138,7 @@ class DirectEngine(Forward):
         if tangents is None:
             return super().derivative(request, steps)
         (asked,) = self._asked([request])
-        if not isinstance(asked, Asked):
+        if not isinstance(asked, DirectRequest):
             return super().derivative(request, steps)
         self.runs += 1
         forecast, seconds = self.forecast(asked)
@@ -155,7 +155,7 @@ class DirectEngine(Forward):
         return prediction, np.stack(columns, axis=1), np.zeros(len(steps))
 
     def distance(self, request: Request) -> float:
-        """Of a request's section to the training; see `Predictor.distance`."""
+        """Of a request's section to the training; see `DirectPredictor.distance`."""
         return self.predictor.distance(section_of(request.scene))
 
     def spacings_high(self, request: Request) -> float:
@@ -169,24 +169,24 @@ class DirectEngine(Forward):
         there; as of a normal distribution with the same 90 % interval. NaN where it has no answer.
         """
         (asked,) = self._asked([request])
-        if not isinstance(asked, Asked):
+        if not isinstance(asked, DirectRequest):
             return np.full(len(request.section.targets.names), np.nan)
         forecast, _ = self.forecast(asked)
         return np.concatenate(
             [_std(entry, forecast, asked) for entry in request.section.targets.entries]
         )
 
-    def forecast(self, asked: Asked) -> tuple[Forecast, float]:
+    def forecast(self, asked: DirectRequest) -> tuple[Forecast, float]:
         """What the model predicts, and the time that took [s]."""
         began = time.perf_counter()
         forecast = self.predictor.predict(asked.section, asked.start.before)
         return forecast, time.perf_counter() - began
 
-    def _asked(self, requests: Sequence[Request]) -> list[Asked | Prediction]:
+    def _asked(self, requests: Sequence[Request]) -> list[DirectRequest | Prediction]:
         """What the model sees of each request; a failed prediction where it has no answer."""
         return [self._one(request) for request in requests]
 
-    def _one(self, request: Request) -> Asked | Prediction:
+    def _one(self, request: Request) -> DirectRequest | Prediction:
         setup, scene = request.section, request.scene
         _check_readable(setup)
         begin = self._start_of(request, scene)
@@ -202,7 +202,7 @@ class DirectEngine(Forward):
                 raise InputError(words)
             return _failed(setup, begin, words)
         self._answers = True
-        return Asked(setup, scene, section, begin)
+        return DirectRequest(setup, scene, section, begin)
 
     def _start_is_far(self, setup: SectionSetup) -> bool:
         """Whether the model knows nothing like the section where its question starts."""
@@ -225,7 +225,9 @@ class DirectEngine(Forward):
         self._start = found if strengths else None
         return found
 
-    def _predicted(self, asked: Asked, forecast: Forecast, seconds: float = 0.0) -> Prediction:
+    def _predicted(
+        self, asked: DirectRequest, forecast: Forecast, seconds: float = 0.0
+    ) -> Prediction:
         """Read the measurements on a forecast."""
         setup, spacing = asked.setup, asked.scene.spacing
         final, volume = _filled(asked, forecast.thickness)
@@ -277,8 +279,8 @@ def shipped(name: str) -> DirectEngine:
 
 
 @cache
-def _loaded(path: Path) -> Predictor:
-    return Predictor.load(path)
+def _loaded(path: Path) -> DirectPredictor:
+    return DirectPredictor.load(path)
 
 
 def _of_toe(entry: Measured) -> TypeGuard[ToeRunout | NoFlow]:
@@ -321,7 +323,7 @@ def _check_readable(setup: SectionSetup) -> None:
         place += count
 
 
-def _histories(asked: Asked, forecast: Forecast) -> dict[str, Reading]:
+def _histories(asked: DirectRequest, forecast: Forecast) -> dict[str, Reading]:
     """Readings of what needs a history: from the arrival times, or none."""
     setup = asked.setup
     return {
@@ -353,7 +355,7 @@ def _tangents(request: Request) -> np.ndarray | None:
     return np.array(found)
 
 
-def _filled(asked: Asked, thickness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _filled(asked: DirectRequest, thickness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points of a deposit, a spacing apart, and the volume of each."""
     spacing, x = asked.scene.spacing, asked.section.x
     places = np.arange(x[0], x[-1], spacing)
@@ -380,7 +382,7 @@ def _moved(
     )
 
 
-def _std(entry: Measured, forecast: Forecast, asked: Asked) -> np.ndarray:
+def _std(entry: Measured, forecast: Forecast, asked: DirectRequest) -> np.ndarray:
     """Of the numbers of one measurement, see `DirectEngine.error_std`."""
     count, x = len(entry.values), asked.section.x
     if timed(entry):

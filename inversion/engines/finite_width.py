@@ -32,9 +32,12 @@ RATIOS = (0.1, 0.2, 0.35, 0.6)
 COARSER, ROOM = 1.5, 5.0
 #: Settings of the pair, as the solver in three dimensions has them.
 PAIRED = {
-    "transfer": "affine_flip", "water_face": "fixed", "wall_contact": "smooth",
-    "local_damping": 0.0, "volume_correction": True,
-}  # fmt: skip
+    "transfer": "affine_flip",
+    "water_face": "fixed",
+    "wall_contact": "smooth",
+    "local_damping": 0.0,
+    "volume_correction": True,
+}
 
 
 @dataclass

@@ -41,7 +41,7 @@ from inversion.engines.rollout_store import (
     rollout_key,
 )
 from inversion.engines.run_store import KeptRun
-from inversion.engines.trained_model import Model
+from inversion.engines.trained_model import TrainedModel
 from inversion.estimation.forward import Forward, Prediction, Request, SectionSetup
 from inversion.problem.question import material_key
 from inversion.problem.scene_changes import moves_with_pool
@@ -51,7 +51,7 @@ Mode = Literal["cheaper", "forward", "reverse"]
 
 
 @dataclass(frozen=True)
-class Slide:
+class StartingRollout:
     """A rollout that is about to begin.
 
     Attributes:
@@ -101,7 +101,7 @@ class GNSEngine(Forward):
     def __init__(
         self,
         store: RolloutStore,
-        model: Model,
+        model: TrainedModel,
         *,
         mode: Mode = "cheaper",
         on_frame: Callable[[int, int], None] | None = None,
@@ -193,13 +193,13 @@ class GNSEngine(Forward):
 
     # -- rollouts ------------------------------------------------------------------------------
 
-    def _slide(self, request: Request) -> Slide:
+    def _slide(self, request: Request) -> StartingRollout:
         simulator, scene = self.model.simulator, request.scene
         settings = simulator.settings(request.section.settings)
         points = fill(scene)
         facts, start = start_of(scene, settings, points)
         rest = Rest(settings.early_stop_energy_fraction, settings.early_stop_hold_s)
-        return Slide(
+        return StartingRollout(
             setup=request.section,
             scene=scene,
             facts=facts,
@@ -212,7 +212,7 @@ class GNSEngine(Forward):
             key=rollout_key(scene, settings, self.model.hash),
         )
 
-    def _rolled_out(self, slide: Slide, values: np.ndarray) -> KeptRun:
+    def _rolled_out(self, slide: StartingRollout, values: np.ndarray) -> KeptRun:
         """Roll out and keep the run."""
         began = time.perf_counter()
         watch = _Watch(slide, self.on_frame)
@@ -229,7 +229,12 @@ class GNSEngine(Forward):
         return self._keep(slide, frames, watch.at_rest, reason, time.perf_counter() - began)
 
     def _differentiated(
-        self, slide: Slide, values: np.ndarray, run: KeptRun | None, key: str, names: list[str]
+        self,
+        slide: StartingRollout,
+        values: np.ndarray,
+        run: KeptRun | None,
+        key: str,
+        names: list[str],
     ) -> tuple[KeptRun, dict[str, np.ndarray] | None]:
         """Roll out with the derivative and keep both; the run that is known stays as it is."""
         began = time.perf_counter()
@@ -270,7 +275,7 @@ class GNSEngine(Forward):
         return run, rows
 
     def _keep(
-        self, slide: Slide, frames: np.ndarray, at_rest: bool, reason: str, seconds: float
+        self, slide: StartingRollout, frames: np.ndarray, at_rest: bool, reason: str, seconds: float
     ) -> KeptRun:
         """Put the results of a rollout that a back-analysis needs into the store.
 
@@ -322,7 +327,7 @@ def _unknowns(request: Request) -> list[UnknownProperty]:
 class _Watch:
     """Ends a rollout at rest, and stops one that goes wrong, as `gns.rollout.rollout` does."""
 
-    def __init__(self, slide: Slide, on_frame: Callable[[int, int], None] | None) -> None:
+    def __init__(self, slide: StartingRollout, on_frame: Callable[[int, int], None] | None) -> None:
         self.facts = slide.facts
         self.frames = slide.frames
         self.on_frame = on_frame
@@ -346,6 +351,6 @@ class _Watch:
         return self.at_rest
 
 
-def _held(slide: Slide) -> np.ndarray:
+def _held(slide: StartingRollout) -> np.ndarray:
     """Frames of a slide that could not be rolled out: the first alone."""
     return slide.window[-1:].astype(float)

@@ -29,9 +29,15 @@ if TYPE_CHECKING:
 
 #: Settings of a simulation that a rollout knows of; no other changes its numbers.
 KNOWN_SETTINGS = (
-    "duration_s", "frame_interval", "water", "early_stop", "early_stop_energy_fraction",
-    "early_stop_hold_s", "gravity_m_per_s2", "wall_contact",
-)  # fmt: skip
+    "duration_s",
+    "frame_interval",
+    "water",
+    "early_stop",
+    "early_stop_energy_fraction",
+    "early_stop_hold_s",
+    "gravity_m_per_s2",
+    "wall_contact",
+)
 
 
 class RolloutStore:

@@ -34,9 +34,16 @@ if TYPE_CHECKING:
 AREA_OFF = 0.3
 
 _ARRAYS = {
-    "initial", "final", "zone", "initial_volume", "vertical_stress", "volume", "status", "reason",
+    "initial",
+    "final",
+    "zone",
+    "initial_volume",
+    "vertical_stress",
+    "volume",
+    "status",
+    "reason",
     "numbers",
-}  # fmt: skip
+}
 # Names of the arrays of a reading begin so.
 _READ, _TROUBLE = "reading_", "trouble_"
 

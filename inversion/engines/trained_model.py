@@ -1,7 +1,7 @@
 """A trained simulator in its folder: found, checked, read.
 
-In: the name of a model or a folder. Out: a `Model`. The weights are read as plain numbers, so that
-nothing in a model from elsewhere is executed.
+In: the name of a model or a folder. Out: a `TrainedModel`. The weights are read as plain numbers,
+so that nothing in a model from elsewhere is executed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pipeline.files import file_hash
 
 
 @dataclass(frozen=True)
-class Model:
+class TrainedModel:
     """A trained simulator.
 
     Attributes:
@@ -37,7 +37,7 @@ class Model:
         return f"{self.sha256} {parameter.dtype} {parameter.device.type}"
 
 
-def load_model(folder: str | Path, device: str = "cpu") -> Model:
+def load_model(folder: str | Path, device: str = "cpu") -> TrainedModel:
     """Read a model's folder; nothing in its files is executed.
 
     Raises:
@@ -59,4 +59,4 @@ def load_model(folder: str | Path, device: str = "cpu") -> Model:
                 f"{folder / CARD_FILE}: weights_sha256: is not that of {MODEL_FILE} next to it; "
                 "card and weights must belong together"
             )
-    return Model(simulator, folder.resolve().name, sha256)
+    return TrainedModel(simulator, folder.resolve().name, sha256)

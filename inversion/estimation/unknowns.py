@@ -228,7 +228,7 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Amplitude:
+class UnknownAmplitude:
     """One effect of a model as an unknown.
 
     Attributes:
@@ -297,7 +297,7 @@ class Unknowns:
     """
 
     parameters: Parameters
-    effects: tuple[Amplitude, ...] = ()
+    effects: tuple[UnknownAmplitude, ...] = ()
     fixed: tuple[int, ...] = ()
 
     @property
@@ -396,6 +396,6 @@ class Unknowns:
         ]
         return np.concatenate([slopes, amplitudes])
 
-    def with_effects(self, effects: Sequence[Amplitude]) -> Unknowns:
+    def with_effects(self, effects: Sequence[UnknownAmplitude]) -> Unknowns:
         """The same parameters with these effects in place of its own."""
         return replace(self, effects=tuple(effects))

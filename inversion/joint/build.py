@@ -18,8 +18,8 @@ from inversion.catalogue.catalogue import load_catalogue, load_strengths
 from inversion.catalogue.correlations import RELATIONS
 from inversion.catalogue.ranges import SOURCE, load_ranges
 from inversion.joint import infer as joint
-from inversion.joint.document import FILE_NAME, Author, JointDocument, PublishedRatio
-from inversion.joint.evidence import BlowCountOfSlide, Kind, SlideEvidence, evidence_of
+from inversion.joint.document import FILE_NAME, Author, JointDocument, Kind, PublishedRatio
+from inversion.joint.evidence import BlowCountOfSlide, SlideEvidence, evidence_of
 from inversion.joint.population import RATIOS, SLOPE_STD, TAU_STD
 from pipeline.cli import InputError
 from pipeline.config import Config

@@ -16,6 +16,7 @@ from pipeline.config import load_document
 from pipeline.documents import StrictDocument, document_schema
 
 FILE_NAME = "joint.json"
+Kind = Literal["slide", "bound", "undetermined", "recalled"]
 
 
 class SlideRow(StrictDocument):
@@ -23,7 +24,7 @@ class SlideRow(StrictDocument):
 
     case: str
     title: str
-    kind: Literal["slide", "bound", "undetermined", "recalled"] = Field(
+    kind: Kind = Field(
         description="it ran; it stood, and has a least ratio; its data leave its strength open; it "
         "rests on recalled numbers, and enters no regression"
     )

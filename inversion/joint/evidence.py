@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from scipy.special import ndtr
@@ -25,6 +24,7 @@ from inversion.back_analysis.result import (
     Result,
     load_result,
 )
+from inversion.joint.document import Kind
 from inversion.posterior.document import FILE_NAME as POSTERIOR
 from inversion.posterior.document import (
     PosteriorDocument,
@@ -38,7 +38,6 @@ from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 from pipeline.cli import InputError
 
 STRENGTHS = (RESIDUAL_STRENGTH, STRENGTH_RATIO)
-Kind = Literal["slide", "bound", "undetermined", "recalled"]
 #: Draws of a posterior that are kept; a smooth density needs no more.
 KERNELS = 200
 #: Relations whose likelihood is computed at a time: what a processor holds close by.

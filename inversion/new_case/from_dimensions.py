@@ -30,9 +30,12 @@ TOE, DURATION, SLOPE = "toe", "duration", "final slope"
 TAKEN = "# Not stated above, so drawn from (all values in a range alike; H: heights):"
 #: How far a number may be trusted, as measurements have it.
 CONFIDENCE = {
-    "read": "published", "abstract": "published", "paper": "paper", "secondary": "secondary",
+    "read": "published",
+    "abstract": "published",
+    "paper": "paper",
+    "secondary": "secondary",
     "recalled": "recalled",
-}  # fmt: skip
+}
 
 
 #: What a slide without a pool leaves open.

@@ -20,7 +20,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from geometry.case import load_case
-from geometry.scenes.drawings import Section, read_materials, read_section, reading, section_scene
+from geometry.scenes.drawings import (
+    DrawnSection,
+    read_materials,
+    read_section,
+    reading,
+    section_scene,
+)
 from geometry.scenes.scene import Scene, scene_from_mapping
 from geometry.sides import SIDES, Side
 from geometry.survey.profiles import Profile, load_profile
@@ -149,7 +155,7 @@ def new_folder(text: str) -> Path:
 # --- the section ---
 
 
-def _scene(section: Section, given: Given, name: str) -> Scene:
+def _scene(section: DrawnSection, given: Given, name: str) -> Scene:
     """The section as a scene, with its liquefied zones marked and its water."""
     scene = section_scene(
         section,

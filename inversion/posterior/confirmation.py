@@ -11,7 +11,7 @@ import numpy as np
 
 from inversion.posterior.document import ConfirmedNumber
 from inversion.posterior.infer import AnyModel, Inferred
-from inversion.posterior.runs import Model
+from inversion.posterior.runs import EmulatedModel
 from inversion.posterior.sampling import spread_out
 
 #: A mean difference beyond so many standard deviations of what was stated is one too many.
@@ -19,7 +19,7 @@ FAR = 2.0
 
 
 def confirmed(
-    found: Inferred[AnyModel], solver: Model, number: int
+    found: Inferred[AnyModel], solver: EmulatedModel, number: int
 ) -> tuple[list[ConfirmedNumber], list[str]]:
     """Each fitted number at some draws by the solver, and a line on each that it does not bear out.
 

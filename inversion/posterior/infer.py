@@ -25,7 +25,7 @@ from inversion.engines.small_cells import SmallCells
 from inversion.estimation.data import Targets
 from inversion.posterior.emulator import LEAST_RUNS, LINEAR_STD, Emulator, Warp, make_emulator
 from inversion.posterior.likelihood import Likelihood
-from inversion.posterior.runs import Model
+from inversion.posterior.runs import EmulatedModel
 from inversion.posterior.sampling import Sampled, nested, spread_out, tempered
 from inversion.posterior.unknown import Unknown
 from pipeline.cli import WorkFailed
@@ -45,7 +45,7 @@ TRIES = 3
 MOST_FAILED = 0.5
 
 
-AnyModel = TypeVar("AnyModel", bound=Model)
+AnyModel = TypeVar("AnyModel", bound=EmulatedModel)
 
 
 @dataclass

@@ -30,7 +30,7 @@ from inversion.problem.question import (
 BACK, MOST_BACK = 0.85, 15
 
 
-class Model(Protocol):
+class EmulatedModel(Protocol):
     """What is emulated: numbers of runs at values of unknowns."""
 
     @property
@@ -71,7 +71,7 @@ class Model(Protocol):
 
 @dataclass
 class CaseModel:
-    """`Model` by a forward engine.
+    """`EmulatedModel` by a forward engine.
 
     Attributes:
         varied: the case with its unknowns.
@@ -104,7 +104,7 @@ class CaseModel:
 
     @property
     def names(self) -> list[str]:
-        """See `Model`."""
+        """See `EmulatedModel`."""
         targets, specs = self.varied.case.setup.targets, self.varied.case.parameters.specs
         return [targets.names[place] for place in self.shown] + [
             stress_name(specs[place].name) for place in self.strengths
@@ -112,7 +112,7 @@ class CaseModel:
 
     @property
     def two_fidelities(self) -> bool:
-        """See `Model`."""
+        """See `EmulatedModel`."""
         return self.varied.case.coarse_spacing_m is not None
 
     def holds(self, values: np.ndarray) -> np.ndarray:
@@ -120,7 +120,7 @@ class CaseModel:
         return np.array([self._setup(row, self.two_fidelities) is not None for row in values])
 
     def drawable(self, values: np.ndarray) -> np.ndarray:
-        """See `Model`: several boundaries moved at once may leave a layer too thin.
+        """See `EmulatedModel`: several boundaries moved at once may leave a layer too thin.
 
         All boundaries of such a section are moved back towards the drawn one, together.
         """
@@ -134,7 +134,7 @@ class CaseModel:
         return found
 
     def run(self, values: np.ndarray, *, coarse: bool) -> np.ndarray:
-        """See `Model`."""
+        """See `EmulatedModel`."""
         setups = [self._setup(row, coarse) for row in values]
         return self._numbers(setups, values)
 
@@ -166,7 +166,7 @@ class CaseModel:
         return known, left_out
 
     def simulated_otherwise(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        """See `Model`; by coarse runs."""
+        """See `EmulatedModel`; by coarse runs."""
         here = self._setup(values, self.two_fidelities)
         setups: list[Setup | None] = []
         for _, change in self.other_ways:
@@ -176,7 +176,7 @@ class CaseModel:
         return dict(zip(names, rows[1::2] - rows[0::2], strict=True))
 
     def error_std(self, values: np.ndarray) -> np.ndarray:
-        """See `Model`; none where no such section can be drawn, and none of a stress."""
+        """See `EmulatedModel`; none where no such section can be drawn, and none of a stress."""
         setup, found = self._setup(values, False), np.zeros(len(self.names))
         if setup is not None:
             request = setup.at(values[: self.varied.parameters])
@@ -185,7 +185,7 @@ class CaseModel:
         return found
 
     def cells_at(self, values: np.ndarray) -> SmallCells | None:
-        """See `Model`; none of a limit of flow, which lies higher with smaller cells."""
+        """See `EmulatedModel`; none of a limit of flow, which lies higher with smaller cells."""
         case, setup = self.varied.case, self._setup(values, False)
         if setup is None or case.objective().limit or not case.parameters.strengths.any():
             return None

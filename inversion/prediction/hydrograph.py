@@ -86,9 +86,8 @@ def hydrograph_csv(found: Sequence[Mapping[str, Any]]) -> str:
     ]
     lines = [",".join(["time_s", *(name for name, _ in columns)])]
     for number, time in enumerate(found[0]["time_s"]):
-        lines.append(",".join(f"{value:.{FIGURES}g}" for value in (
-            time, *(ordinates[number] for _, ordinates in columns)
-        )))  # fmt: skip
+        values = (time, *(ordinates[number] for _, ordinates in columns))
+        lines.append(",".join(f"{value:.{FIGURES}g}" for value in values))
     return "\n".join(lines) + "\n"
 
 

@@ -27,7 +27,7 @@ from inversion.prediction.hydrograph import discharge, hydrograph
 from inversion.prediction.known_strength import KnownStrength, strength_parameters
 from inversion.prediction.predict import ENVELOPE_SAMPLES, Distribution, predict
 from inversion.prediction.prediction_document import distribution_of, head_of
-from inversion.prediction.response import Sections
+from inversion.prediction.response import JoinedSurfaces
 from mpm_taichi.readings3d import named
 from pipeline.config import SimulationSettings
 
@@ -280,7 +280,7 @@ def exceedance(
     shares = np.empty((len(thicker_than_m), flat.shape[1]))
     for first in range(0, flat.shape[1], BLOCK):
         block = slice(first, first + BLOCK)
-        sampled = Sections(found.scores, flat[:, block])(scores)
+        sampled = JoinedSurfaces(found.scores, flat[:, block])(scores)
         for row, thickness in enumerate(thicker_than_m):
             shares[row, block] = np.mean(sampled > thickness, axis=0)
     return [share.reshape(thick.shape[1:]) for share in shares]
@@ -292,7 +292,7 @@ def _wall_share(found: Distribution, kept: Sequence[KeptMaps]) -> dict[str, floa
     if not names:
         return {}
     reached = np.array([[float(name in one.walls) for name in names] for one in kept])
-    sampled = Sections(found.scores, reached)(found.sample_scores[:ENVELOPE_SAMPLES])
+    sampled = JoinedSurfaces(found.scores, reached)(found.sample_scores[:ENVELOPE_SAMPLES])
     return dict(zip(names, map(float, np.mean(sampled > 0.5, axis=0)), strict=True))
 
 

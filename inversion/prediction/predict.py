@@ -18,7 +18,7 @@ from inversion.engines.small_cells import InSmallCells, SmallCells
 from inversion.estimation.forward import Forward, Prediction, Setup
 from inversion.prediction.first_order import FirstOrder, first_order, mean_scores
 from inversion.prediction.known_strength import KnownStrength, sampled_scores, widened
-from inversion.prediction.response import Response, Sections, design, response
+from inversion.prediction.response import JoinedSurfaces, Response, design, response
 from pipeline.cli import WorkFailed
 
 #: Scores at which jittered points measure the noise.
@@ -138,7 +138,7 @@ def predict(
     # The runs scatter about the response by the noise too: the larger of both, not their sum.
     std = at_mean = np.maximum(noise, smooth.missed)
     if own.any():
-        own_at = Sections(scores, own)
+        own_at = JoinedSurfaces(scores, own)
         std = np.hypot(std, np.maximum(own_at(drawn), 0.0))
         at_mean = np.hypot(at_mean, np.maximum(own_at(mean_scores(strengths)[None])[0], 0.0))
     scatter = std * generator.standard_normal((samples, len(noise)))
@@ -214,5 +214,5 @@ def envelope(
             for points, volume in deposits
         ]
     )
-    sampled = Sections(found.scores, surfaces)(found.sample_scores[:ENVELOPE_SAMPLES])
+    sampled = JoinedSurfaces(found.scores, surfaces)(found.sample_scores[:ENVELOPE_SAMPLES])
     return Envelope(x, np.percentile(sampled, ENVELOPE, axis=0))

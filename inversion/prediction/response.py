@@ -54,7 +54,7 @@ def response(scores: np.ndarray, values: np.ndarray) -> Response:
     """The response of runs at scores (n, p) with numbers (n, m), all finite."""
     if scores.shape[1] == 1:
         return Monotone(scores[:, 0], values)
-    return Surface(scores, values)
+    return SplineSurface(scores, values)
 
 
 class Monotone:
@@ -74,7 +74,7 @@ class Monotone:
         return self._curve(np.clip(scores[:, 0], *self._ends))
 
 
-class Surface:
+class SplineSurface:
     """Several strengths: a thin-plate spline, kept within the range of the runs."""
 
     def __init__(self, scores: np.ndarray, values: np.ndarray) -> None:
@@ -92,7 +92,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Sections:
+class JoinedSurfaces:
     """Final surfaces of the runs, joined linearly: elevations (n, x) at scores (n, p)."""
 
     scores: np.ndarray
@@ -101,7 +101,7 @@ class Sections:
     def __call__(self, scores: np.ndarray) -> np.ndarray:
         """Surfaces (s, x) at scores (s, p)."""
         if self.scores.shape[1] > 1:
-            return Surface(self.scores, self.surfaces)(scores)
+            return SplineSurface(self.scores, self.surfaces)(scores)
         order = np.argsort(self.scores[:, 0])
         known = self.scores[order, 0]
         place = np.clip(np.searchsorted(known, scores[:, 0]), 1, len(known) - 1)

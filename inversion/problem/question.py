@@ -46,16 +46,21 @@ MaterialProperty = Literal[
 Property = MaterialProperty | Literal["water_level"]
 
 UNITS: dict[str, str] = {
-    "residual_strength_kpa": "kPa", "strength_ratio": "", "cohesion_kpa": "kPa",
+    "residual_strength_kpa": "kPa",
+    "strength_ratio": "",
+    "cohesion_kpa": "kPa",
     "friction_deg": "deg",
-    "density": "kg/m3", "water_level": "m",
-}  # fmt: skip
+    "density": "kg/m3",
+    "water_level": "m",
+}
 SYMBOLS: dict[str, str] = {
-    "residual_strength_kpa": "S_r", "strength_ratio": "S_r/sigma'_v0", "cohesion_kpa": "c",
+    "residual_strength_kpa": "S_r",
+    "strength_ratio": "S_r/sigma'_v0",
+    "cohesion_kpa": "c",
     "friction_deg": "phi",
     "density": "density",
     "water_level": "level of the pool",
-}  # fmt: skip
+}
 
 
 POOL = "the pool"

@@ -1,7 +1,7 @@
 """Kernels over the whole state: their argument lists are written from the table in `layout`.
 
 Taichi passes arrays to a kernel one by one and groups of them only between its functions. So the
-body of a kernel is a Taichi function of `State`, and the kernel around it is generated.
+body of a kernel is a Taichi function of `SolverState`, and the kernel around it is generated.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def state_kernel(body: Callable, *, table: ModuleType = layout, **arguments: Any
 
     Args:
         body: its loops at the outermost level run in parallel, as in any kernel.
-        table: module with the arrays and their groups: `ARRAYS`, `GROUPS`, `State`.
+        table: module with the arrays and their groups: `ARRAYS`, `GROUPS`, `SolverState`.
         arguments: name -> Taichi type of what it takes before the state.
 
     Returns:
@@ -37,7 +37,7 @@ def state_kernel(body: Callable, *, table: ModuleType = layout, **arguments: Any
         f"{group}=layout.{kind.__name__}({', '.join(kind._fields)})"
         for group, kind in table.GROUPS.items()
     ]
-    call = ", ".join([*arguments, f"ti.static(layout.State({', '.join(groups)}))"])
+    call = ", ".join([*arguments, f"ti.static(layout.SolverState({', '.join(groups)}))"])
     source = f"def {name}({head}):\n    body({call})\n"
     # Taichi compiles source text, which it looks up by the name of the file.
     file = f"<kernel {name} {next(_numbers)}>"

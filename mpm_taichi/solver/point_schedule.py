@@ -50,7 +50,7 @@ from mpm_taichi.layout import (
     WAVE_SPEED,
     YY,
     A,
-    Step,
+    StepNumbers,
     vec4,
 )
 from mpm_taichi.solver.kernel_arguments import state_kernel
@@ -93,7 +93,7 @@ def point_schedule(
             time = numbers[slot, FRAME_START] + turn * dt
             on = integers[slot, EFFECTS_ON]
         return ti.static(
-            Step(
+            StepNumbers(
                 slot=slot,
                 first_node=first_node,
                 columns=columns,
@@ -118,7 +118,7 @@ def point_schedule(
         per_cell, gravity = 1.0 / cell, numbers[slot, GRAVITY]
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
         return ti.static(
-            Step(
+            StepNumbers(
                 slot=slot,
                 first_node=first_node,
                 columns=columns,

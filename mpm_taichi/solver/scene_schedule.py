@@ -50,7 +50,7 @@ from mpm_taichi.layout import (
     WAVE_SPEED,
     YY,
     A,
-    Step,
+    StepNumbers,
     vec4,
 )
 from mpm_taichi.solver.kernel_arguments import state_kernel
@@ -103,7 +103,7 @@ def scene_schedule(
         per_cell, gravity = 1.0 / cell, numbers[slot, GRAVITY]
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
         relaxation = ti.static(
-            Step(
+            StepNumbers(
                 slot=slot,
                 first_node=first_node,
                 columns=columns,
@@ -214,7 +214,7 @@ def scene_schedule(
                     if ti.static(acted):
                         on = integers[slot, EFFECTS_ON]
                     step = ti.static(
-                        Step(
+                        StepNumbers(
                             slot=slot,
                             first_node=first_node,
                             columns=columns,

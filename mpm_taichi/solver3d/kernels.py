@@ -32,7 +32,7 @@ from mpm_taichi.materials.mohr_coulomb import ground_strength
 from mpm_taichi.solver.boundary import NEAR
 from mpm_taichi.solver.kernel_arguments import state_kernel
 from mpm_taichi.solver3d import layout
-from mpm_taichi.solver3d.layout import SPEED, XX, YY, ZZ, Step, vec2
+from mpm_taichi.solver3d.layout import SPEED, XX, YY, ZZ, StepNumbers, vec2
 from mpm_taichi.solver3d.nodes import settle_node, update_node
 from mpm_taichi.solver3d.stress import elastic_trial, mohr_coulomb, volume_rate
 from mpm_taichi.solver3d.transfer import gather, move, scatter, scatter_strength
@@ -174,7 +174,7 @@ def build_kernels(averaged: bool) -> SimpleNamespace:
         blocks, columns, ny, nz, settling, cell, dt, blend, share, smoothing, gravity, state: A
     ):
         nodes, tables = ti.static((state.nodes, state.tables))
-        step = ti.static(Step(cell, dt, blend, share, smoothing, gravity, ny, nz))
+        step = ti.static(StepNumbers(cell, dt, blend, share, smoothing, gravity, ny, nz))
         for parity in ti.static(range(2)):
             for turn in range((blocks // 2) * TURNS):
                 if turn % TURNS == 0:

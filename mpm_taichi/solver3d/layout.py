@@ -62,7 +62,7 @@ class Tables(NamedTuple):
     block_reach: REAL  # largest speed of a point in the last step [m/s]; infinite: alarm
 
 
-class State(NamedTuple):
+class SolverState(NamedTuple):
     """All arrays, by group."""
 
     points: Points
@@ -70,7 +70,7 @@ class State(NamedTuple):
     tables: Tables
 
 
-GROUPS = State.__annotations__
+GROUPS = SolverState.__annotations__
 ARRAYS = {name: kind for group in GROUPS.values() for name, kind in group.__annotations__.items()}
 
 OFFSET, SPEED = 0, 3  # of `motion`, first of three
@@ -82,7 +82,7 @@ FRICTION, ADHESION = 0, 1
 CONTACT_LOSS, WATER_WORK = 0, 1
 
 
-class Step(NamedTuple):
+class StepNumbers(NamedTuple):
     """Numbers of a step that its functions share."""
 
     cell: Any

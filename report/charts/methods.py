@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from report import style
 from report.data.back_analysis import BackAnalysisData
-from report.data.methods import Slide, Strength, slides
+from report.data.methods import MethodsPanel, StrengthRow, slides
 from report.numbers import fixed, span
 
 ROW, ABOVE, LEFT, RIGHT = 0.28, 0.36, 2.0, 1.15
@@ -31,12 +31,12 @@ def draw_methods(data: BackAnalysisData, path: Path) -> Path | None:
     return style.save_figure(figure, path)
 
 
-def _largest(panel: Slide) -> float:
+def _largest(panel: MethodsPanel) -> float:
     ends = [end for row in panel.rows for end in (row.value, row.high, *(row.wide or ()))]
     return max(end for end in ends if end is not None)
 
 
-def _draw(ax: Axes, panel: Slide, end: float) -> None:
+def _draw(ax: Axes, panel: MethodsPanel, end: float) -> None:
     style.quiet(ax, grid="x", left=False)
     style.rows(ax, [row.label for row in panel.rows], width=28)
     ax.set_xlim(0.0, end)
@@ -52,7 +52,7 @@ def _draw(ax: Axes, panel: Slide, end: float) -> None:
     style.title(ax, style.words(panel.title))
 
 
-def _draw_row(ax: Axes, number: int, row: Strength) -> None:
+def _draw_row(ax: Axes, number: int, row: StrengthRow) -> None:
     colour = _colour(row.kind)
     if row.value is None:
         style.tell(ax, 0.0, number, "finds none", color=style.NOTE)
@@ -93,7 +93,7 @@ def _draw_row(ax: Axes, number: int, row: Strength) -> None:
     )
 
 
-def _label(row: Strength) -> str:
+def _label(row: StrengthRow) -> str:
     """The value, and its range or standard deviation where it has one."""
     if row.low is None:
         return fixed(row.value)

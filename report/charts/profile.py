@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from diagnosis.verdict.verdict import MeasurementVerdict
 from report import style
-from report.data.diagnosis import DiagnosisData, Series
+from report.data.diagnosis import DiagnosisData, MeasurementSeries
 from report.numbers import unit_of
 from report.sentences.diagnosis import explanation
 
@@ -57,7 +57,7 @@ def _predicted(line: MeasurementVerdict, after: bool) -> bool:
     return (line.predicted_final if after else line.predicted_base) is not None
 
 
-def heading(data: DiagnosisData, series: Series, after: bool) -> str:
+def heading(data: DiagnosisData, series: MeasurementSeries, after: bool) -> str:
     """Title of a panel; several effects are counted where there is no room for their names."""
     if not after:
         return f"{series.name}: base model"
@@ -66,7 +66,7 @@ def heading(data: DiagnosisData, series: Series, after: bool) -> str:
     return named if len(named) <= LONGEST else f"{series.name}: after, with {len(effects)} effects"
 
 
-def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
+def _draw(ax: Axes, data: DiagnosisData, series: MeasurementSeries, after: bool) -> None:
     style.quiet(ax)
     if series.axis == "x_m" and series.unit == "m" and data.sections is not None:
         _draw_section(ax, data, series, after)
@@ -100,7 +100,7 @@ def _draw(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
     style.labels(ax, series.axis_label, f"{quantity} ({unit_of(series.unit)})")
 
 
-def _draw_section(ax: Axes, data: DiagnosisData, series: Series, after: bool) -> None:
+def _draw_section(ax: Axes, data: DiagnosisData, series: MeasurementSeries, after: bool) -> None:
     """Ground, the surface before the slide, and the simulated one beyond what was measured."""
     section = data.sections
     surface = section.final if after else section.base
@@ -153,7 +153,7 @@ def _same_limits(first: Axes, second: Axes) -> None:
             getattr(ax, put)(low, high)
 
 
-def _handles(data: DiagnosisData, chosen: list[Series]) -> list[Line2D | Patch]:
+def _handles(data: DiagnosisData, chosen: list[MeasurementSeries]) -> list[Line2D | Patch]:
     first = {line.role: line for series in chosen for line in series.lines}
     made: list[Line2D | Patch] = []
     for role in (role for role in style.ROLES if role in first):

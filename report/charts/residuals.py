@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from diagnosis.verdict.verdict import Group, MeasurementVerdict, Window
 from report import style
 from report.charts.profile import mark_of
-from report.data.diagnosis import DiagnosisData, Series
+from report.data.diagnosis import DiagnosisData, MeasurementSeries
 from report.numbers import chance, number
 
 ABOVE, LEFT, FOOT = 0.3, 0.6, 0.3
@@ -42,7 +42,7 @@ def draw_residuals(data: DiagnosisData, path: Path) -> Path | None:
     return style.save_figure(figure, path)
 
 
-def _draw_series(ax: Axes, data: DiagnosisData, series: Series) -> None:
+def _draw_series(ax: Axes, data: DiagnosisData, series: MeasurementSeries) -> None:
     style.quiet(ax, grid="x")
     ax.axhspan(-2, 2, color=style.LINE, alpha=0.55, linewidth=0, zorder=0)
     ax.axhline(0, color=style.TEXT_COLOUR, linewidth=0.9, zorder=2)
@@ -86,14 +86,14 @@ def _draw_series(ax: Axes, data: DiagnosisData, series: Series) -> None:
     style.labels(ax, series.axis_label, "residual (std)")
 
 
-def _shaded(data: DiagnosisData, series: Series) -> Window | None:
+def _shaded(data: DiagnosisData, series: MeasurementSeries) -> Window | None:
     """The worst stretch of the base model, where it lies in this series."""
     window = data.base.window
     here = window is not None and window.measurement == series.name and window.x_from is not None
     return window if here else None
 
 
-def _shade_window(ax: Axes, data: DiagnosisData, series: Series) -> None:
+def _shade_window(ax: Axes, data: DiagnosisData, series: MeasurementSeries) -> None:
     window = _shaded(data, series)
     if window is None:
         return

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from diagnosis.verdict.sections_file import Sections, load_sections
+from diagnosis.verdict.sections_file import SlideSurfaces, load_sections
 from diagnosis.verdict.verdict import (
     COMPARE_FILE,
     EXPLAIN_FILE,
@@ -39,7 +39,7 @@ LEAST_SERIES = 3
 
 
 @dataclass(frozen=True)
-class Series:
+class MeasurementSeries:
     """A measurement of several numbers along the section or in time, in ascending order."""
 
     name: str
@@ -70,7 +70,7 @@ class DiagnosisData:
 
     folder: Path
     document: Document
-    sections: Sections | None = None
+    sections: SlideSurfaces | None = None
 
     @property
     def verdict(self) -> Verdict | None:
@@ -135,14 +135,16 @@ class DiagnosisData:
         return [known.get(name) or _unnamed(name, self.base) for name in self.base.values]
 
     @property
-    def series(self) -> list[Series]:
+    def series(self) -> list[MeasurementSeries]:
         """Measurements along the section first, then those in time."""
         found: dict[str, list[MeasurementVerdict]] = {}
         for line in self.measurements:
             if line.axis != "none" and line.place is not None:
                 found.setdefault(line.measurement, []).append(line)
         made = [
-            Series(name, lines[0].axis, lines[0].unit, sorted(lines, key=lambda m: m.place))
+            MeasurementSeries(
+                name, lines[0].axis, lines[0].unit, sorted(lines, key=lambda m: m.place)
+            )
             for name, lines in found.items()
             if len(lines) >= LEAST_SERIES
         ]

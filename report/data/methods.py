@@ -1,6 +1,6 @@
 """The strength by every method: this analysis, other engines, classical methods, publications.
 
-In: a `BackAnalysisData`. Out: `Slide`s, which a chart and a table show.
+In: a `BackAnalysisData`. Out: `MethodsPanel`s, which a chart and a table show.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MOST_APART = 10.0
 
 
 @dataclass(frozen=True)
-class Strength:
+class StrengthRow:
     """One row: a strength [kPa] with its range, and how it is drawn.
 
     Attributes:
@@ -44,14 +44,14 @@ class Strength:
 
 
 @dataclass(frozen=True)
-class Slide:
+class MethodsPanel:
     """One panel."""
 
     title: str
-    rows: list[Strength]
+    rows: list[StrengthRow]
 
 
-def slides(data: BackAnalysisData) -> list[Slide]:
+def slides(data: BackAnalysisData) -> list[MethodsPanel]:
     """The panels: one for each side with an unknown strength."""
     found = []
     sides = {p.name: data.side(p) for p in data.strengths}
@@ -69,17 +69,17 @@ def slides(data: BackAnalysisData) -> list[Slide]:
             *_relations(data, names),
             *_published(data, names),
         ]
-        found.append(Slide(_title(data, side), rows))
+        found.append(MethodsPanel(_title(data, side), rows))
     return found
 
 
-def _ours(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
+def _ours(data: BackAnalysisData, names: list[str]) -> Iterator[StrengthRow]:
     """Our answers with one standard deviation and 95 %, then the variants of the question."""
     engine = engine_named(data.result.engine).short
     several = len(names) > 1
     for p in data.strengths:
         if p.name in names:
-            yield Strength(
+            yield StrengthRow(
                 f"{engine}, zone {', '.join(p.zones)}" if several else f"{engine}, this analysis",
                 p.value if p.lower_bound_95 is None else p.lower_bound_95,
                 max(p.value - p.std_total, 0.0),
@@ -94,10 +94,10 @@ def _ours(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
                 zones = f", zone {', '.join(p.zones)}" if several else ""
                 fitted = "" if variant.reached else " (not fitted)"
                 label = f"{variant.name}{zones}{fitted}"
-                yield Strength(label, variant.values[p.name], None, None, "variant")
+                yield StrengthRow(label, variant.values[p.name], None, None, "variant")
 
 
-def _engines(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
+def _engines(data: BackAnalysisData, names: list[str]) -> Iterator[StrengthRow]:
     """The answers of other engines, or of this one without correction, to the same question."""
     own = {p.name: p.value for p in data.strengths}
     for row in data.result.engines:
@@ -111,7 +111,7 @@ def _engines(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
             value, std = row.values[p.name], row.std.get(p.name)
             low, high = (None, None) if std is None else (max(value - std, 0.0), value + std)
             label = f"{engine_named(row.engine).short}, {row.note}{zones}"
-            yield Strength(label, value, low, high, "engine", hollow=std is None)
+            yield StrengthRow(label, value, low, high, "engine", hollow=std is None)
 
 
 def undecided(method: Mapping[str, Any]) -> str:
@@ -124,7 +124,7 @@ def undecided(method: Mapping[str, Any]) -> str:
     return f"{low:.1f} to {high:.1f} kPa by its judgement calls"
 
 
-def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[Strength]:
+def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[StrengthRow]:
     for analysis in analyses:
         several = f", {analysis['name']}" if len(analyses) > 1 else ""
         for method in analysis["methods"]:
@@ -132,10 +132,10 @@ def _classical(analyses: Sequence[dict[str, Any]]) -> Iterator[Strength]:
                 continue
             low, high = method["low_kpa"], method["high_kpa"]
             label = f"{method['title']}{several}"
-            yield Strength(label, method["value_kpa"], low, high, "classical")
+            yield StrengthRow(label, method["value_kpa"], low, high, "classical")
 
 
-def _relations(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
+def _relations(data: BackAnalysisData, names: list[str]) -> Iterator[StrengthRow]:
     """What relations give for the blow counts of the zones, within one standard deviation."""
     several = len(names) > 1
     for row in data.result.relations:
@@ -144,12 +144,12 @@ def _relations(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
             label = f"{row.label}{zones}"
             hollow = "recalled" in row.confidence
             layers = (row.weakest_kpa, row.strongest_kpa) if len(row.zones) > 1 else None
-            yield Strength(
+            yield StrengthRow(
                 label, row.value_kpa, row.low_kpa, row.high_kpa, "relation", layers, hollow
             )
 
 
-def _published(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
+def _published(data: BackAnalysisData, names: list[str]) -> Iterator[StrengthRow]:
     """Published values, for the whole case or for a zone of this panel."""
     zones = {zone for p in data.strengths if p.name in names for zone in p.zones}
     for key, entry in data.result.published.items():
@@ -160,11 +160,11 @@ def _published(data: BackAnalysisData, names: list[str]) -> Iterator[Strength]:
         yield _other(key, entry)
 
 
-def _other(key: str, entry: dict[str, Any]) -> Strength:
+def _other(key: str, entry: dict[str, Any]) -> StrengthRow:
     confidence = entry.get("confidence", "")
     cited = reference(key)
     label = f"{cited} ({confidence})" if confidence == "recalled" else cited
-    return Strength(
+    return StrengthRow(
         label,
         entry["value"],
         entry.get("low"),

@@ -1,7 +1,7 @@
 """Picture and film of a case history: the section before, the deposit after, what was measured.
 
-In: a `Case`, its `Run` and the `Reading`s. Out: a picture of two panels with a small table above,
-and a film. What is constructed is dotted and says so.
+In: a `Case`, its `Run` and the `ComparedReading`s. Out: a picture of two panels with a small table
+above, and a film. What is constructed is dotted and says so.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from shapely.ops import unary_union
 
 from geometry.case import Case
 from geometry.survey.marks import Distance, Height, Line
-from mpm_taichi.comparison import Reading, label
+from mpm_taichi.comparison import ComparedReading, label
 from mpm_taichi.trajectory import Run
 from report.numbers import MINUS, unit_of
 from report.pictures.colouring import colouring_of, material_colours
@@ -42,7 +42,9 @@ LINES, LOWEST_LINE = (0.11, 0.25), 0.36
 BAR = 0.06
 
 
-def save_case_picture(case: Case, run: Run, readings: Sequence[Reading], path: Path) -> None:
+def save_case_picture(
+    case: Case, run: Run, readings: Sequence[ComparedReading], path: Path
+) -> None:
     """Save the section before and the deposit after, with what was measured."""
     after = overlays(line_overlay(case), distances(case, readings))
     limits = _limits(case, run, after)
@@ -148,7 +150,7 @@ def _bar(case: Case, mark: Height) -> Line:
     return Line(x, np.array([start, end, end, end]), mark.label, constructed=False)
 
 
-def distances(case: Case, readings: Sequence[Reading]) -> Overlay:
+def distances(case: Case, readings: Sequence[ComparedReading]) -> Overlay:
     """Measured and simulated runout as two dimension lines below the ground, from the foot."""
     pairs = [
         (reading, mark)
@@ -248,7 +250,7 @@ def _soil_names(case: Case) -> Overlay:
 # --- heading and table ---
 
 
-def _head_room(case: Case, readings: Sequence[Reading]) -> float:
+def _head_room(case: Case, readings: Sequence[ComparedReading]) -> float:
     """Inches above the panels: as many as the heading or the table needs."""
     heading = HEADING_TOP + HEADING_ROW * len(_heading_lines(case, points=0))
     table = 0.2 + ROW * (1 + sum(reading.measured is not None for reading in readings))
@@ -276,7 +278,7 @@ def _draw_heading(figure: Figure, case: Case, run: Run, height: float) -> None:
     figure.text(x, 1 - HEADING_TOP / height, text, fontsize=8.5, linespacing=1.45, **style)
 
 
-def _draw_table(figure: Figure, readings: Sequence[Reading], height: float) -> None:
+def _draw_table(figure: Figure, readings: Sequence[ComparedReading], height: float) -> None:
     """Measured and simulated values in the upper right corner."""
     columns = [WIDTH_IN - 4.3, WIDTH_IN - 1.75, WIDTH_IN - 0.95, WIDTH_IN - 0.2]
     rows = [("", "measured", "simulated", "off, in std")]

@@ -12,7 +12,7 @@ from matplotlib.colors import BoundaryNorm
 from geometry.terrain.raster import Raster, hillshade
 from mpm_taichi.readings3d import Maps
 from report import style
-from report.pictures.ground_map import (
+from report.pictures.body_map import (
     LENGTH,
     colour_bar,
     draw_places,

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from geometry.survey3d.measured import DepositMap
 from geometry.terrain.raster import Raster, hillshade
 from report import style
-from report.pictures.ground_map import (
+from report.pictures.body_map import (
     LENGTH,
     colour_bar,
     draw_places,

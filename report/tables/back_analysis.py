@@ -30,10 +30,14 @@ from report.sentences.back_analysis import answer_words, meant_words
 from report.sentences.implied_strengths import answer_band, asked_words, label_words
 from report.table import Table
 
-KINDS = {"ours": "this analysis", "engine": "the same question",
-         "variant": "this analysis, variant of the question", "classical": "classical",
-         "relation": "from blow counts",
-         "others": "published elsewhere"}  # fmt: skip
+KINDS = {
+    "ours": "this analysis",
+    "engine": "the same question",
+    "variant": "this analysis, variant of the question",
+    "classical": "classical",
+    "relation": "from blow counts",
+    "others": "published elsewhere",
+}
 
 SEARCHES = {"gauss_newton": "Gauss-Newton", "lbfgsb": "L-BFGS-B"}
 MOST_FITTED = 6

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pipeline.cli import InputError, base_parser, main_exit
 from pipeline.files import write_text
-from report.page import Paragraph, Picture, Section, write_page
+from report.page import PageSection, Paragraph, Picture, write_page
 from report.style import new_figure, save_figure, tidy
 from report.table import Table
 
@@ -33,10 +33,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         arguments.page,
         f"Runs of the scale {arguments.name}",
         [
-            Section("Statistics", [Picture(arguments.picture, "four histograms of the runs")]),
-            Section("By template", [by_template(rows)]),
-            Section("Failed runs", [failures(rows)]),
-            Section("All runs", [all_runs(rows)]),
+            PageSection("Statistics", [Picture(arguments.picture, "four histograms of the runs")]),
+            PageSection("By template", [by_template(rows)]),
+            PageSection("Failed runs", [failures(rows)]),
+            PageSection("All runs", [all_runs(rows)]),
         ],
         lead=summary(rows),
     )

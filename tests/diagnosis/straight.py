@@ -19,7 +19,7 @@ from geometry.survey.toe_history import ToeHistory
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Data, make_targets
 from inversion.estimation.hold_out import HoldOut, split
-from inversion.estimation.unknowns import Amplitude, Parameters, Unknowns
+from inversion.estimation.unknowns import Parameters, UnknownAmplitude, Unknowns
 from inversion.problem.question import ParameterSpec, Prior
 from inversion.problem.state import State
 
@@ -141,7 +141,7 @@ class Straight:
         parts = split(self.targets, self.hold_out or HoldOut(groups=()))
         return self.targets.data(split=parts)
 
-    def space(self, effects: Sequence[Amplitude]) -> Unknowns:
+    def space(self, effects: Sequence[UnknownAmplitude]) -> Unknowns:
         return Unknowns(self.parameters, tuple(effects))
 
     def slope(self, space: Unknowns) -> np.ndarray:

@@ -21,7 +21,7 @@ from geometry.case import load_case
 from inversion.engines.registry import engine_named
 from inversion.estimation.forward import SectionSetup
 from inversion.estimation.misfit import system
-from inversion.estimation.unknowns import Amplitude, Scale
+from inversion.estimation.unknowns import Scale, UnknownAmplitude
 from inversion.problem.question import FixedProperty
 from pipeline.cli import InputError
 from tests.diagnosis.straight import signatures, straight
@@ -234,7 +234,10 @@ def test_what_is_screened_out_costs_one_run():
 def test_what_is_assumed_widens_a_strength_as_an_unknown_with_that_prior_would():
     case = straight(2, {})
     change = signatures()["late"]
-    plain, doubted = case.space([]), case.space([Amplitude("late", -9.0, 9.0, Scale(), 0.0, 0.7)])
+    plain, doubted = (
+        case.space([]),
+        case.space([UnknownAmplitude("late", -9.0, 9.0, Scale(), 0.0, 0.7)]),
+    )
     x = plain.parameters.to_fitted(plain.parameters.start)
     narrow = system(case.data, plain, case.slope(plain), x)
     wide = narrow.with_assumed([0.7 * change])

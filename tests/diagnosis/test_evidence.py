@@ -21,7 +21,7 @@ from diagnosis.selection.evidence import (
 )
 from inversion.estimation.data import Data
 from inversion.estimation.surface_search import Fit
-from inversion.estimation.unknowns import Amplitude, Scale, Unknowns
+from inversion.estimation.unknowns import Scale, UnknownAmplitude, Unknowns
 from tests.budget import examples
 from tests.diagnosis.straight import Straight, errors, straight, truth
 
@@ -67,7 +67,7 @@ def by_quadrature(case: Straight, space: Unknowns) -> float:
 @pytest.mark.parametrize("bounds", [(-50.0, 50.0), (0.0, 0.8), (0.0, 50.0)])
 def test_laplace_is_exact_where_the_model_is_linear(bounds):
     case = straight(seed=3, effects={"bend": 0.6})
-    free = Amplitude("bend", *bounds, Scale())
+    free = UnknownAmplitude("bend", *bounds, Scale())
     with_effect, without = case.space([free]), case.space([])
     gain = ln_evidence(case.data, fitted(case, with_effect), 1) - ln_evidence(
         case.data, fitted(case, without), 1
@@ -85,7 +85,7 @@ def test_laplace_is_exact_where_a_parameter_rests_on_its_bound(name, amplitude, 
     """The strength of the base model is at 2 or 200 kPa; one of the effects brings it back."""
     case = Straight(truth({name: amplitude}, strength=strength) + errors(3))
     without = case.space([])
-    with_effect = case.space([Amplitude(name, -3.0, 3.0, Scale())])
+    with_effect = case.space([UnknownAmplitude(name, -3.0, 3.0, Scale())])
     fits = [fitted(case, space) for space in (without, with_effect)]
     ends = without.low[0], without.high[0]
     assert min(abs(fits[0].x[0] - end) for end in ends) < 1e-6
@@ -96,8 +96,8 @@ def test_laplace_is_exact_where_a_parameter_rests_on_its_bound(name, amplitude, 
 
 def test_laplace_with_a_prior_and_with_two_amplitudes():
     case = straight(seed=5, effects={"bend": 0.6, "step": 1.0})
-    step = Amplitude("step", 0.0, 1.5, Scale())
-    two = case.space([Amplitude("bend", -3.0, 3.0, Scale(), 0.5, 0.3), step])
+    step = UnknownAmplitude("step", 0.0, 1.5, Scale())
+    two = case.space([UnknownAmplitude("bend", -3.0, 3.0, Scale(), 0.5, 0.3), step])
     one = case.space([step])
     gain = ln_evidence(case.data, fitted(case, two), 1) - ln_evidence(
         case.data, fitted(case, one), 1
@@ -107,10 +107,10 @@ def test_laplace_with_a_prior_and_with_two_amplitudes():
 
 def test_odds_are_one_in_k_for_an_effect_and_one_in_all_pairs_for_two():
     case = straight(seed=1, effects={})
-    fit = fitted(case, case.space([Amplitude("bend", -2.0, 2.0, Scale())]))
+    fit = fitted(case, case.space([UnknownAmplitude("bend", -2.0, 2.0, Scale())]))
     lost = ln_evidence(case.data, fit, 1) - ln_evidence(case.data, fit, 12)
     assert lost == pytest.approx(math.log(12))
-    two = case.space([Amplitude(name, -2.0, 2.0, Scale()) for name in ("bend", "step")])
+    two = case.space([UnknownAmplitude(name, -2.0, 2.0, Scale()) for name in ("bend", "step")])
     lost = ln_evidence(case.data, fitted(case, two), 2) - ln_evidence(
         case.data, fitted(case, two), 12
     )
@@ -121,7 +121,7 @@ def test_evidence_does_not_hang_on_the_unit_of_the_amplitude():
     case = straight(seed=2, effects={"bend": 0.6})
     found = []
     for unit in (0.1, 1.0, 25.0):
-        space = case.space([Amplitude("bend", -3.0, 3.0, Scale(unit))])
+        space = case.space([UnknownAmplitude("bend", -3.0, 3.0, Scale(unit))])
         found.append(ln_evidence(case.data, fitted(case, space), 5))
     assert np.ptp(found) < 1e-6
 
@@ -187,7 +187,7 @@ def test_an_amplitude_is_its_count_on_either_scale(unit, share, decades):
 
 def test_a_gaussian_in_decades_has_the_volume_of_one_in_counts():
     spread = 0.5 * math.log(10.0)
-    decades = Amplitude("k", 1e-9, 1e9, Scale(0.1, decades=True), 1.0, spread)
-    plain = Amplitude("count", 0.0, 11.0, Scale(), 2.0, 0.5)
+    decades = UnknownAmplitude("k", 1e-9, 1e9, Scale(0.1, decades=True), 1.0, spread)
+    plain = UnknownAmplitude("count", 0.0, 11.0, Scale(), 2.0, 0.5)
     assert decades.prior == pytest.approx(plain.prior)
     assert decades.ln_prior_width == pytest.approx(plain.ln_prior_width, abs=1e-4)

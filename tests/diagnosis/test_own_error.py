@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnosis.adequacy.calibration import Cells
+from diagnosis.adequacy.calibration import CellCorrection
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.verdict.verdict_builder import verdict_document
@@ -96,7 +96,7 @@ def test_no_number_is_granted_less_than_the_base_model_is():
 def test_cells_of_the_largest_model_in_proportion_to_its_amplitudes():
     model = Straight(np.ones(SIZE))
     one, both = np.full(SIZE, 1.0), np.full(SIZE, 8.0)
-    cells = Cells(model.targets, np.full(SIZE, 0.5))
+    cells = CellCorrection(model.targets, np.full(SIZE, 0.5))
     cells.models[LATE] = ({"late": 2.0}, one)
     cells.models[("late", "step")] = ({"late": 2.0, "step": -1.0}, both)
 

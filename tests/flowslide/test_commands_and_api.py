@@ -9,7 +9,7 @@ import pytest
 
 import flowslide
 from flowslide import api
-from flowslide.run import Options, Run
+from flowslide.run import Call, SectionOptions
 
 COMMANDS = Path(__file__).resolve().parents[2] / "flowslide" / "commands"
 #: Of what works on a question: names, and the documents that an answer leaves.
@@ -45,7 +45,7 @@ def test_names_are_listed_once():
 
 
 def test_an_option_is_one_of_its_function_or_refused():
-    assert set(Options.__annotations__) < set(Run.__annotations__)
+    assert set(SectionOptions.__annotations__) < set(Call.__annotations__)
     lacking = {
         "diagnose": "device",
         "simulate_3d": "device",

@@ -13,7 +13,7 @@ from diagnosis.verdict.verdict import save_document
 from flowslide.command_line import main
 from inversion.back_analysis.result import save_result
 from report import pdf
-from report.page import Paragraph, Section, write_page
+from report.page import PageSection, Paragraph, write_page
 from report.table import Table
 from tests.diagnosis.verdict_case import identified
 from tests.inversion.report_case import full
@@ -32,7 +32,7 @@ def pages(data: bytes) -> int:
 @pytest.fixture
 def page(tmp_path):
     path = tmp_path / "page.html"
-    write_page(path, 'A "quoted" </style> \\ title', [Section("One", [Paragraph("It ran.")])])
+    write_page(path, 'A "quoted" </style> \\ title', [PageSection("One", [Paragraph("It ran.")])])
     return path
 
 
@@ -63,7 +63,7 @@ def test_a_short_table_is_not_cut_and_a_long_one_is(tmp_path):
     short = [Table(["a", "b"], rows)] * 3
     counts = []
     for parts in (short, [Table(["a", "b"], rows * 3)]):
-        write_page(tmp_path / "page.html", "x", [Section("Tables", parts)])
+        write_page(tmp_path / "page.html", "x", [PageSection("Tables", parts)])
         counts.append(pages(pdf.write_pdf(tmp_path / "page.html").read_bytes()))
     # Two of the short ones do not fit a page, so each has one; the same rows at a stretch fill two.
     assert counts == [3, 2]

@@ -20,7 +20,7 @@ from mpm_taichi.solver3d.problem import problem_of
 from mpm_taichi.trajectory3d import read_run_3d
 from pipeline.cli import InputError
 from pipeline.files import write_text, yaml_text
-from report.pictures.ground_film import chosen_frames
+from report.pictures.body_film import chosen_frames
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
 

@@ -14,7 +14,7 @@ import yaml
 from geometry import load_scene
 from geometry.scenes import drawings
 from geometry.scenes.drawings import (
-    Section,
+    DrawnSection,
     read_materials,
     read_section,
     section_document,
@@ -300,7 +300,7 @@ def test_a_vertex_is_compared_with_few_others(monkeypatch):
     places = np.random.default_rng(2).uniform(0.0, 5.0, (400, 2)).round(1)
     moved = places + np.random.default_rng(3).uniform(-0.03, 0.03, places.shape)
     ring = [tuple(map(float, place)) for place in moved]
-    section = Section(zones={"soil": ring})
+    section = DrawnSection(zones={"soil": ring})
     document = section_document(section, source="x", name="x", snap=0.05)
     assert compared.call_count < 10 * len(ring)
     found, known = document["zones"][0]["polygon"], []

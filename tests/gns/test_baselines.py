@@ -13,10 +13,10 @@ from gns.data.scene_facts import start_of
 from gns.data.scene_features import NAMES, SideView, side_view, sliding_block
 from gns.evaluation import baselines as module
 from gns.evaluation.baselines import (
-    Example,
     Guess,
     NearestRun,
     SlidingBlock,
+    TrainingSide,
     baselines,
     examples,
     guess_runout,
@@ -130,9 +130,9 @@ def test_the_sliding_block_in_closed_form():
 # --- the guesses ---
 
 
-def example(values, runout, template="a", wall=99.0, length=2.0, block_travel=1.0) -> Example:
+def example(values, runout, template="a", wall=99.0, length=2.0, block_travel=1.0) -> TrainingSide:
     view = SideView(np.asarray(values, float), length, block_travel)
-    return Example(view, template, wall, runout)
+    return TrainingSide(view, template, wall, runout)
 
 
 def test_the_nearest_run():

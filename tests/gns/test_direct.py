@@ -15,7 +15,7 @@ from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
 from gns.direct.judge import calibrated, card, judged, judged_run
 from gns.direct.network import Answer, DirectConfig, DirectModel, features, mirrored
-from gns.direct.predictor import MODEL_FILE, Predictor, both_ways, described, unit_of
+from gns.direct.predictor import MODEL_FILE, DirectPredictor, both_ways, described, unit_of
 from gns.direct.runs import (
     DAMS_IN_TEN,
     SlideRun,
@@ -110,7 +110,7 @@ def test_the_mirror_image_lies_as_far_from_the_training():
     assert np.abs(own - image).max() > 0.1, "it is another section"
     known = np.stack([described(section_of(draw_dam(0, number, 2.0))) for number in range(6)])
     assert unit_of(known) == pytest.approx(unit_of(both_ways(known)[1::2]))
-    predictor = Predictor(DirectModel(SMALL), 1.0, 1.0, 1.0, known, unit_of(known))
+    predictor = DirectPredictor(DirectModel(SMALL), 1.0, 1.0, 1.0, known, unit_of(known))
     assert predictor.distance(section_of(image_of(dam))) < 0.1 < unit_of(known)
 
 
@@ -230,7 +230,7 @@ def test_the_deposit_keeps_the_volume_and_the_answer_has_its_derivative(section)
     model = DirectModel(SMALL)
     for parameter in model.parameters():  # some weights begin at zero
         torch.nn.init.normal_(parameter, std=0.1)
-    predictor = Predictor(model.eval(), 1.0, 1.0, 1.0, described(section)[None], 1.0)
+    predictor = DirectPredictor(model.eval(), 1.0, 1.0, 1.0, described(section)[None], 1.0)
     before = np.array([section.feet])[0]
     forecast = predictor.predict(section, before)
     volume = section.thickness.sum() * section.height
@@ -343,7 +343,7 @@ def test_training_calibration_and_card(samples, tmp_path):
     itself = judged_run(unseen, [one.outcome for one in unseen])
     assert not itself.runout.any() and itself.row()["runs"] == len(unseen)
     predictor.save(tmp_path / MODEL_FILE)
-    kept = Predictor.load(tmp_path / MODEL_FILE)
+    kept = DirectPredictor.load(tmp_path / MODEL_FILE)
     one = unseen[0]
     ours, theirs = (p.predict(one.section, one.outcome.toes_before) for p in (predictor, kept))
     assert np.array_equal(ours.toes, theirs.toes)
@@ -358,9 +358,9 @@ def test_training_calibration_and_card(samples, tmp_path):
 def test_a_damaged_model_is_refused(tmp_path):
     (tmp_path / MODEL_FILE).write_bytes(b"no model")
     with pytest.raises(InputError, match="is not a direct model"):
-        Predictor.load(tmp_path / MODEL_FILE)
+        DirectPredictor.load(tmp_path / MODEL_FILE)
     with pytest.raises(InputError, match="direct-train leaves one"):
-        Predictor.load(tmp_path / "none.pt")
+        DirectPredictor.load(tmp_path / "none.pt")
 
 
 def test_a_run_that_leaves_the_columns_is_left_out(section):
@@ -411,7 +411,7 @@ def test_a_network_that_the_model_has_not_is_refused(tmp_path):
 
 @pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
 def test_a_shipped_model_belongs_to_its_card(folder):
-    facts, predictor = read_yaml(folder / "card.yaml"), Predictor.load(folder / MODEL_FILE)
+    facts, predictor = read_yaml(folder / "card.yaml"), DirectPredictor.load(folder / MODEL_FILE)
     assert facts["weights_sha256"] == file_hash(folder / MODEL_FILE)
     assert facts["kind"] == folder.name == "direct"
     assert facts["parameters"] == sum(p.numel() for p in predictor.model.parameters())

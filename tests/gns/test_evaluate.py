@@ -20,7 +20,7 @@ from gns.evaluation.evaluate import evaluate, one_step_errors, read_mpm_seconds
 from gns.evaluation.metrics import runout
 from gns.network.simulator import Simulator, read_document
 from gns.training.checkpoints import ModelFolder
-from gns.training.distributed import Group
+from gns.training.distributed import ProcessGroup
 from gns.training.train import train
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
@@ -37,7 +37,7 @@ SETTINGS = TrainSettings(
 def model(packed, tmp_path_factory):
     """Folder of a model that has taken three steps."""
     folder = tmp_path_factory.mktemp("model")
-    group = Group(0, 1, torch.device("cpu"))
+    group = ProcessGroup(0, 1, torch.device("cpu"))
     train(ModelFolder(folder), Windows(packed, "train"), Windows(packed, "valid"), SETTINGS, group)
     return folder
 

@@ -17,14 +17,14 @@ import pytest
 import torch
 from pydantic import ValidationError
 
-from flowslide.commands.gns.train import TRIAL_STEPS, _Watch, open_windows
+from flowslide.commands.gns.train import TRIAL_STEPS, _TrainingWatch, open_windows
 from gns.data.dataset import Windows
 from gns.data.statistics import run_moments
 from gns.network.simulator import Simulator
 from gns.training import distributed, processes
 from gns.training.checkpoints import ModelFolder
-from gns.training.distributed import Group
-from gns.training.loss import Objective, soil_points
+from gns.training.distributed import ProcessGroup
+from gns.training.loss import TrainingObjective, soil_points
 from gns.training.sampling import Examples, Order
 from gns.training.train import learning_rate, simulator_config, steps_in_a_row, train
 from gns.training.validation import FAILED_ERROR, choose_runs, score_run, summary
@@ -32,7 +32,7 @@ from pipeline.cli import InputError, WorkFailed
 from pipeline.config import TrainSettings
 from tests.planted import plant, planted, the_command
 
-ALONE = Group(0, 1, torch.device("cpu"))
+ALONE = ProcessGroup(0, 1, torch.device("cpu"))
 SETTINGS = TrainSettings(
     width=8,
     message_passing_steps=1,
@@ -127,7 +127,7 @@ def test_all_of_an_example_is_on_the_device_of_the_training(packed):
     cell = opened(packed)[0].facts(example.run)
     simulator = Simulator(simulator_config(settings, opened(packed)[0].metadata,
                                            cell.numbers["cell"] / cell.spacing))  # fmt: skip
-    weight = Objective(simulator.to("meta"), 1, settings.balance)._weight(example)
+    weight = TrainingObjective(simulator.to("meta"), 1, settings.balance)._weight(example)
     assert weight.device.type == "meta"
 
 
@@ -170,7 +170,7 @@ def test_the_loss_is_that_of_the_paper_over_soil_points(packed):
     held = examples[0].scene.kinematic.clone()
     held[:7] = True
     examples[0] = replace(examples[0], scene=replace(examples[0].scene, kinematic=held))
-    found = float(Objective(simulator)(examples).detach())
+    found = float(TrainingObjective(simulator)(examples).detach())
     expected, points = 0.0, 0
     for example in examples:
         output = simulator([example.window], [example.scene]).detach().double()
@@ -203,7 +203,7 @@ def test_pushed_examples_start_where_the_model_got(packed):
         output = simulator([window], [example.scene])
     target = simulator.target(window[-2], window[-1], example.after[2], example.scene)
     expected = (output - target).square().mean(1)[~example.scene.kinematic].sum()
-    assert torch.allclose(Objective(simulator)([example]), expected, rtol=1e-5)
+    assert torch.allclose(TrainingObjective(simulator)([example]), expected, rtol=1e-5)
 
 
 def test_an_unrolled_loss_is_that_of_the_positions_where_the_model_goes(packed):
@@ -225,12 +225,12 @@ def test_an_unrolled_loss_is_that_of_the_positions_where_the_model_goes(packed):
             off = (free - example.after[step]) / (unit * drift)
             expected += off.square().mean(1)[~scene.kinematic].sum() / 3.0
             window = torch.cat([window[1:], simulator.advance(window, scene)[None]])
-    objective = Objective(simulator, unroll=3)
+    objective = TrainingObjective(simulator, unroll=3)
     found = objective([example])
     assert torch.allclose(found, expected, rtol=1e-3)
     found.backward()
     assert all(p.grad is not None and torch.isfinite(p.grad).all() for p in simulator.parameters())
-    both = Objective(simulator, unroll=3)([example, example])
+    both = TrainingObjective(simulator, unroll=3)([example, example])
     assert torch.allclose(both, 2.0 * expected, rtol=1e-3)
 
 
@@ -250,8 +250,8 @@ def test_a_balanced_loss_is_over_the_accelerations_of_its_run(packed):
         example = Examples(learned, SETTINGS).at(position)
         _, moments = run_moments(learned.positions(example.run), learned.facts(example.run))
         own = (moments.std**2 + moments.mean**2) / simulator.acceleration_std.numpy() ** 2
-        plain = Objective(simulator)([example])
-        found = Objective(simulator, balance=0.3)([example])
+        plain = TrainingObjective(simulator)([example])
+        found = TrainingObjective(simulator, balance=0.3)([example])
         assert torch.allclose(found, plain / (float(own.mean()) + 0.3), rtol=1e-4)
 
 
@@ -670,7 +670,7 @@ def test_weeks_without_a_gpu_have_to_be_meant(monkeypatch):
     settings = SETTINGS.model_copy(update={"steps": 3_500_000})
     clock = iter(np.arange(0.0, 100.0, 2.0))
     for confirmed in (False, True):
-        watch = _Watch(settings, True, ALONE, confirmed)
+        watch = _TrainingWatch(settings, True, ALONE, confirmed)
         watch.begin(0)
         monkeypatch.setattr(time, "monotonic", lambda: float(next(clock)))
         for step in range(1, 1 + TRIAL_STEPS):

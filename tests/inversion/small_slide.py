@@ -18,7 +18,7 @@ from geometry.survey.toe_runout import ToeRunout
 from geometry.survey.velocity import Velocity
 from gns.data.scene_facts import start_of
 from gns.network.simulator import Simulator, SimulatorConfig
-from inversion.engines.trained_model import Model
+from inversion.engines.trained_model import TrainedModel
 from inversion.estimation.data import make_targets
 from inversion.estimation.forward import SectionSetup
 from inversion.estimation.unknowns import Parameters
@@ -90,9 +90,9 @@ def simulator(dtype: torch.dtype = torch.float64, **changes) -> Simulator:
     return Simulator(SimulatorConfig(**config)).to(dtype)
 
 
-def model(dtype: torch.dtype = torch.float64, **changes) -> Model:
+def model(dtype: torch.dtype = torch.float64, **changes) -> TrainedModel:
     """The same as a model of the back-analysis."""
-    return Model(simulator(dtype, **changes), "untrained", "0" * 64)
+    return TrainedModel(simulator(dtype, **changes), "untrained", "0" * 64)
 
 
 # -- a block of liquefied soil, and a simulator that was taught to slide it -----------------------

@@ -14,7 +14,7 @@ from diagnosis.options import Options
 from geometry.case import load_case
 from geometry.survey.toe_history import ToeHistory
 from gns.direct.network import DirectConfig, DirectModel
-from gns.direct.predictor import Forecast, Predictor, described
+from gns.direct.predictor import DirectPredictor, Forecast, described
 from gns.direct.sections import check_settings, section_of
 from inversion.back_analysis import with_direct_model
 from inversion.back_analysis.by_engine import back_analysis_by
@@ -42,13 +42,13 @@ QUICK = [
 ]  # fmt: skip
 
 
-def predictor_near(section) -> Predictor:
+def predictor_near(section) -> DirectPredictor:
     """An untrained model that has seen this section, and does not ignore what it is given."""
     torch.manual_seed(1)
     model = DirectModel(DirectConfig((8, 8, 8, 8)))
     for parameter in model.parameters():
         torch.nn.init.normal_(parameter, std=0.15)
-    return Predictor(
+    return DirectPredictor(
         model.eval().requires_grad_(False), 1.5, 1.5, 1.5, described(section)[None], 1.0
     )
 

@@ -15,7 +15,7 @@ from gns.data.scene_facts import start_of
 from gns.rollout.rollout import Rest, rollout
 from inversion.engines.gns_engine import GNSEngine
 from inversion.engines.rollout_store import RolloutStore
-from inversion.engines.trained_model import Model, load_model
+from inversion.engines.trained_model import TrainedModel, load_model
 from inversion.estimation.forward import Forward
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
@@ -229,7 +229,7 @@ def test_what_is_known_is_not_computed_again(tmp_path):
 @pytest.mark.parametrize(
     "other",
     [
-        {"of": Model(simulator(), "untrained", "1" * 64)},
+        {"of": TrainedModel(simulator(), "untrained", "1" * 64)},
         {"of": model(torch.float32)},
         {"duration_s": 1.2},
     ],

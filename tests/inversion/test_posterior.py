@@ -46,7 +46,7 @@ def runout(values: np.ndarray) -> np.ndarray:
 
 @dataclass
 class FormulaModel:
-    """`inversion.posterior.runs.Model` by a formula; fine runs go `beyond` farther."""
+    """`inversion.posterior.runs.EmulatedModel` by a formula; fine runs go `beyond` farther."""
 
     formula: Callable[[np.ndarray], np.ndarray]
     unknowns: tuple[Unknown, ...] = (STRENGTH, SCORE)

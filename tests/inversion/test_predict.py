@@ -30,7 +30,7 @@ from inversion.prediction.known_strength import (
 from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
 from inversion.prediction.prediction_document import document_of
-from inversion.prediction.response import Monotone, Surface, design, monotone
+from inversion.prediction.response import Monotone, SplineSurface, design, monotone
 from inversion.problem.question import STRENGTH_RATIO
 from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError, WorkFailed
@@ -224,11 +224,11 @@ def test_a_response_is_monotone_and_keeps_to_its_runs():
 
 def test_a_surface_tells_what_it_misses():
     scores = design(2)
-    smooth = Surface(scores, (scores @ [[3.0], [-2.0]]) + 1.0)
+    smooth = SplineSurface(scores, (scores @ [[3.0], [-2.0]]) + 1.0)
     assert smooth.missed[0] < 1e-3
     np.testing.assert_allclose(smooth(np.array([[0.5, -0.5]])), [[3.5]], atol=1e-3)
     rough = np.random.default_rng(0).standard_normal((len(scores), 1))
-    assert Surface(scores, rough).missed[0] > 0.5
+    assert SplineSurface(scores, rough).missed[0] > 0.5
 
 
 def test_too_many_failures_end_the_work():

@@ -14,7 +14,7 @@ from inversion.back_analysis.case import inversion_case
 from inversion.engines.mpm_engine import MPMEngine
 from inversion.engines.rollout_store import RolloutStore
 from inversion.engines.run_store import RunStore
-from inversion.engines.trained_model import Model
+from inversion.engines.trained_model import TrainedModel
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from tests.dams import dam_with_pool
@@ -100,7 +100,7 @@ def by_surrogate(case, engine: type[MPMEngine], told: list[str]):
         patch.setattr(stages, "GNSEngine", engine)
         return stages.SurrogateAnalysis(
             case, RUNS, told.append,
-            model=Model(None, "too_far", "0" * 64), rollouts=RolloutStore(None),
+            model=TrainedModel(None, "too_far", "0" * 64), rollouts=RolloutStore(None),
         ).run()  # fmt: skip
 
 

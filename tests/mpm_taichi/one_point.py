@@ -22,7 +22,7 @@ from mpm_taichi.effects.framework.table import (
     TANGENT,
     EffectTable,
 )
-from mpm_taichi.layout import MEAN_OVERBURDEN, VEC4, VEC8, A, Step
+from mpm_taichi.layout import MEAN_OVERBURDEN, VEC4, VEC8, A, StepNumbers
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP, material_constants
 from mpm_taichi.solver.kernel_arguments import state_kernel
@@ -79,7 +79,7 @@ def _compiled(one: Effect, program: object) -> tuple[EffectTable, Callable]:
         for _ in range(1):
             now = time
             step = ti.static(
-                Step(
+                StepNumbers(
                     slot=0, first_node=0, columns=3, cell=cell, per_cell=1.0, dt=dt,
                     time=now, on=1,
                 )

@@ -22,7 +22,7 @@ from gns.data.scene_facts import start_of
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_key
 from mpm_taichi.effects import given_effects, load_effects_file
-from mpm_taichi.layout import DISSIPATED, DVX_DX, DVY_DY, SHEAR, XX, YY, A, Step
+from mpm_taichi.layout import DISSIPATED, DVX_DX, DVY_DY, SHEAR, XX, YY, A, StepNumbers
 from mpm_taichi.materials import registry
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.simulate import simulate
@@ -69,7 +69,7 @@ def shear_of(program: object):
     def shear(steps: A, dt: A, state: A):
         for p in range(state.points.home.shape[0]):
             step = ti.static(
-                Step(
+                StepNumbers(
                     slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, dt=dt,
                 )
             )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpm_taichi.layout import ALARM, TILE, A, Step
+from mpm_taichi.layout import ALARM, TILE, A, StepNumbers
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, material_constants
 from mpm_taichi.solver.kernel_arguments import state_kernel
@@ -28,7 +28,7 @@ def step_of(dt: A, state: A):
     cell = CELL * dt / STEP
     per_cell, share, blend = 1.0 / cell, SHARE * dt / STEP, BLEND * dt / STEP
     return ti.static(
-        Step(
+        StepNumbers(
             slot=0, first_node=0, columns=COLUMNS, cell=cell, per_cell=per_cell,
             dt=dt, share=share, blend=blend,
         )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpm_taichi.layout import VEC4, VOLUMETRIC, A, Step, vec2, vec4
+from mpm_taichi.layout import VEC4, VOLUMETRIC, A, StepNumbers, vec2, vec4
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, ground_strength, material_constants
 from mpm_taichi.solver.kernel_arguments import state_kernel
@@ -75,7 +75,7 @@ def scatter_all(affine: bool):
         for _ in range(1):
             per_cell = 1.0 / cell
             step = ti.static(
-                Step(
+                StepNumbers(
                     slot=0, first_node=0, columns=columns, cell=cell, per_cell=per_cell,
                     dt=0.0,
                 )
@@ -110,7 +110,7 @@ def move_all(
 def update_nodes(dt: A, gravity: A, damping: A, work: A, state: A):
     for n in range(state.nodes.load.shape[0]):
         step = ti.static(
-            Step(
+            StepNumbers(
                 slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, dt=dt,
                 gravity=gravity, damping=damping,
             )
@@ -132,7 +132,7 @@ def stress_of(averaged: bool, corrected: bool):
         points, materials = ti.static((state.points, state.materials))
         for p in range(points.stress.shape[0]):
             step = ti.static(
-                Step(
+                StepNumbers(
                     slot=0, first_node=0, columns=1, cell=1.0, per_cell=1.0, dt=dt,
                     share=share,
                 )

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from pipeline.cli import InputError
-from report.page import KeyNumbers, Paragraph, Picture, Section, render_page, write_page
+from report.page import KeyNumbers, PageSection, Paragraph, Picture, render_page, write_page
 from report.table import Table
 
 PIXEL = base64.b64decode(
@@ -44,10 +44,10 @@ def picture(tmp_path):
 
 def test_page_is_whole_and_alone(picture, tmp_path):
     sections = [
-        Section(
+        PageSection(
             "Runs", [Paragraph("All went well."), Table(["run", "m"], [["a", 1.25]], "Runout")]
         ),
-        Section("Picture", [picture]),
+        PageSection("Picture", [picture]),
     ]
     write_page(tmp_path / "page.html", "Results", sections, lead="53 m")
     text = (tmp_path / "page.html").read_text()
@@ -60,7 +60,9 @@ def test_page_is_whole_and_alone(picture, tmp_path):
 
 
 def test_text_is_shown_as_text():
-    text = render_page("<b>", [Section("<i>", [Paragraph("<script>"), Table(["<u>"], [["<a>"]])])])
+    text = render_page(
+        "<b>", [PageSection("<i>", [Paragraph("<script>"), Table(["<u>"], [["<a>"]])])]
+    )
     body = re.sub(r"<style>.*</style>", "", text, flags=re.DOTALL)
     assert not re.search(r"<(b|i|script|u|a)>", body)
 

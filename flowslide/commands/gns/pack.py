@@ -11,7 +11,7 @@ from pipeline.cli import InputError, add_common
 
 if TYPE_CHECKING:
     from gns.data.metadata import Metadata
-    from gns.data.pack import Plan
+    from gns.data.pack import PackingPlan
     from pipeline.config import Config
 
 FORMATS = ("npz", "geoelements")
@@ -122,7 +122,7 @@ def summary(metadata: Metadata, folder: Path) -> str:
     )
 
 
-def left_out_lines(plan: Plan) -> str:
+def left_out_lines(plan: PackingPlan) -> str:
     """The runs that were left out, by name."""
     if not plan.left_out:
         return "no run was left out"

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from gns.data.dataset import Windows
     from gns.network.simulator import Simulator
     from gns.training.checkpoints import ModelFolder
-    from gns.training.distributed import Group
-    from gns.training.train import Outcome
+    from gns.training.distributed import ProcessGroup
+    from gns.training.train import TrainingOutcome
     from gns.training.validation import Validation
     from pipeline.config import Config, TrainSettings
     from pipeline.progress import Progress
@@ -162,7 +162,7 @@ def _train(
     learned: Windows,
     held_out: Windows,
     folder: ModelFolder,
-    members: Group,
+    members: ProcessGroup,
 ) -> int:
     from gns.training.stopping import StopRequest
     from gns.training.train import train
@@ -170,7 +170,7 @@ def _train(
     start = _start(arguments.start, settings)
     quiet = arguments.quiet or not members.leads
     with StopRequest(arguments.minutes) as stop:
-        watch = _Watch(settings, quiet, members, arguments.yes)
+        watch = _TrainingWatch(settings, quiet, members, arguments.yes)
         try:
             outcome = train(
                 folder,
@@ -215,7 +215,7 @@ def _start(path: str | None, settings: TrainSettings) -> Simulator | None:
     return simulator
 
 
-def _tell(outcome: Outcome, folder: ModelFolder, settings: TrainSettings) -> None:
+def _tell(outcome: TrainingOutcome, folder: ModelFolder, settings: TrainSettings) -> None:
     """The result, as a table of two columns."""
     state = "trained" if outcome.finished else "stopped; start again to continue"
     print(f"{folder.model}: {state}, step {outcome.step} of {settings.steps}")
@@ -228,11 +228,11 @@ def _tell(outcome: Outcome, folder: ModelFolder, settings: TrainSettings) -> Non
         )
 
 
-class _Watch:
+class _TrainingWatch:
     """Progress, and the question whether a long training is meant."""
 
     def __init__(
-        self, settings: TrainSettings, quiet: bool, members: Group, confirmed: bool
+        self, settings: TrainSettings, quiet: bool, members: ProcessGroup, confirmed: bool
     ) -> None:
         self.settings, self.quiet, self.members = settings, quiet, members
         self.confirmed = confirmed or members.device.type == "cuda"

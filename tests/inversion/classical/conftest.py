@@ -3,30 +3,30 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inversion.classical.section import Section, Soil
+from inversion.classical.section import ClassicalSection, ClassicalSoil
 
 
 @pytest.fixture
 def soil():
     def make(
         cohesion_kpa=0.0, friction_deg=0.0, unit_weight_kn=20.0, liquefied=False, name="soil"
-    ) -> Soil:
+    ) -> ClassicalSoil:
         density = 1e3 * unit_weight_kn / 9.81
         tangent = float(np.tan(np.radians(friction_deg)))
-        return Soil(name, 1e3 * cohesion_kpa, tangent, density, density, liquefied)
+        return ClassicalSoil(name, 1e3 * cohesion_kpa, tangent, density, density, liquefied)
 
     return make
 
 
 @pytest.fixture
 def section():
-    def make(*zones, ground=0.0, water=None) -> Section:
+    def make(*zones, ground=0.0, water=None) -> ClassicalSection:
         """Zones are pairs of a polygon and a soil; ground and water levels or polylines."""
 
         def line(level):
             return np.atleast_2d(level if np.ndim(level) else [0.0, level]).astype(float)
 
-        return Section(
+        return ClassicalSection(
             [np.asarray(polygon, dtype=float) for polygon, _ in zones],
             [soil for _, soil in zones],
             line(ground),
@@ -39,10 +39,10 @@ def section():
 
 @pytest.fixture
 def mirrored():
-    def make(section: Section) -> Section:
+    def make(section: ClassicalSection) -> ClassicalSection:
         flip = np.array([-1.0, 1.0])
         water = None if section.water is None else (section.water * flip)[::-1]
-        return Section(
+        return ClassicalSection(
             [polygon * flip for polygon in section.polygons],
             section.soils,
             (section.ground * flip)[::-1],

@@ -12,7 +12,7 @@ from inversion.classical import imm, kinetics, zif
 from inversion.classical.analysis import Workbench
 from inversion.classical.judgement import load_judgements
 from inversion.classical.limit_equilibrium import required_strength
-from inversion.classical.morph import Slide
+from inversion.classical.morph import MorphedSlide
 from inversion.classical.sections_of_case import case_sections
 from inversion.classical.slices import Polyline
 from inversion.classical.slide_forces import SlideForces, sum_forces
@@ -34,7 +34,7 @@ LATER = forces(70.0, 14.0, 3e5, 90.0, 3e5)
 
 @pytest.fixture
 def slide(dam):
-    return Slide(dam(), Polyline(SLIP), AFTER, "left")
+    return MorphedSlide(dam(), Polyline(SLIP), AFTER, "left")
 
 
 @pytest.mark.parametrize("end_slope", ["slip", "level"])
@@ -204,7 +204,7 @@ def test_kinetics_and_imm_agree_where_the_path_follows_the_slip_surface():
 def test_zif_says_when_there_is_no_answer(slide, dam):
     with pytest.raises(WorkFailed, match="stands without S_r"):
         flat = np.array([[-60.0, 0.0], [-59.0, 2.2], [36.0, 3.4], [38.0, 10.0]])
-        gone = Slide(dam(), Polyline(SLIP), flat, "left")
+        gone = MorphedSlide(dam(), Polyline(SLIP), flat, "left")
         zif.find_strength(gone.slices(gone.section(1.0)), "ordinary")
     strong = zif.find_strength(slide.slices(slide.section(0.1)), "force")
     weak = zif.find_strength(slide.slices(slide.section(0.2)), "force")

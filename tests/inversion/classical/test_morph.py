@@ -5,7 +5,7 @@ import pytest
 from shapely.geometry import Polygon
 
 from inversion.classical.limit_equilibrium import ordinary
-from inversion.classical.morph import Slide
+from inversion.classical.morph import MorphedSlide
 from inversion.classical.slices import Polyline, cut
 from inversion.classical.slide_forces import sum_forces
 from pipeline.cli import InputError
@@ -18,7 +18,7 @@ AFTER = np.array(
 
 @pytest.fixture
 def slide(dam):
-    return Slide(dam(), Polyline(SLIP), AFTER, "left")
+    return MorphedSlide(dam(), Polyline(SLIP), AFTER, "left")
 
 
 def test_area_of_every_section_is_that_of_the_first(slide):
@@ -83,7 +83,7 @@ def test_strength_of_the_base_by_place_by_what_came_and_the_weaker(slide):
 
 def test_mirror(slide, mirrored):
     flip = np.array([-1.0, 1.0])
-    other = Slide(
+    other = MorphedSlide(
         mirrored(slide.before), Polyline((SLIP * flip)[::-1]), (AFTER * flip)[::-1], "right"
     )
     left = sum_forces(slide.slices(slide.section(0.4)))
@@ -104,7 +104,7 @@ def test_mirror(slide, mirrored):
 def test_sections_that_do_not_belong_together_are_refused(dam, slip, after, words):
     slip, after = np.asarray(slip, dtype=float), np.asarray(after, dtype=float)
     with pytest.raises(InputError, match=words):
-        Slide(dam(), Polyline(slip), after, "left").check()
+        MorphedSlide(dam(), Polyline(slip), after, "left").check()
 
 
 def test_share_beyond_the_displacement_is_refused(slide):

@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
 from geometry.scenes.scene import load_scene
-from inversion.classical.section import OUTSIDE, Section, Soil, section_of, water_line_after
+from inversion.classical.section import (
+    OUTSIDE,
+    ClassicalSection,
+    ClassicalSoil,
+    section_of,
+    water_line_after,
+)
 from tests.budget import examples
 
 LSFD = "case_histories/lower_san_fernando_paper/scene.yaml"
@@ -24,7 +30,9 @@ def test_lengths_over_a_point_are_those_of_shapely(radii, x, y):
     angle = np.linspace(0, 2 * np.pi, len(radii), endpoint=False) + 0.1
     ring = np.column_stack([radii * np.cos(angle), radii * np.sin(angle)])
     shape = Polygon(ring)
-    section = Section([ring], [Soil("s", 0.0, 0.0, 1.0, 1.0)], np.array([[0.0, -9.0]]))
+    section = ClassicalSection(
+        [ring], [ClassicalSoil("s", 0.0, 0.0, 1.0, 1.0)], np.array([[0.0, -9.0]])
+    )
     column = section.column(np.array([x]), np.array([y]))
     up = shape.intersection(LineString([(x, y), (x, 10.0)])).length
     assert column.thickness[0] == pytest.approx(up, abs=1e-9)
@@ -43,7 +51,7 @@ def test_weight_under_water_is_total_less_uplift(soil, section):
 
 
 def test_saturated_density_counts_below_the_water_line(section):
-    soil = Soil("sand", 0.0, 0.6, density=1500.0, saturated_density=1900.0)
+    soil = ClassicalSoil("sand", 0.0, 0.6, density=1500.0, saturated_density=1900.0)
     block = section(([[0, 0], [4, 0], [4, 6], [0, 6]], soil), water=2.0)
     assert block.column(np.array([2.0]), np.array([0.0])).mass == pytest.approx(1500 * 4 + 1900 * 2)
 

@@ -1,4 +1,4 @@
-"""Step 10: where what was found is not enough, look again from elsewhere.
+"""Step 10: where what was found is not enough, what the rounds miss is refitted, pairs above all.
 
 The rounds start at the base model and add one effect at a time, by what each changes there. So they
 miss
@@ -53,8 +53,8 @@ class Promise:
     start: FittedModel
 
 
-def look_again(selection: Selection) -> None:
-    """Look once more, from elsewhere, unless the model adopted last explains the measurements."""
+def search_pairs(selection: Selection) -> None:
+    """Refit what the rounds miss, unless the model adopted last explains the measurements."""
     tried, options = selection.tried, selection.options
     if explains(tried, options) or not selection.explanation.names:
         return

@@ -14,7 +14,7 @@ from geometry.survey3d.deposit import Side
 from geometry.terrain.raster import hillshade
 from mpm_taichi.readings3d import Maps
 from report import style
-from report.pictures.ground_map import SOIL
+from report.pictures.body_map import SOIL
 
 MOST = 160
 """Facets along the longer edge, at most; more are too small to be seen."""

@@ -12,8 +12,8 @@ from geometry.terrain.raster import hillshade
 from mpm_taichi.readings3d import Maps
 from pipeline.files import atomic_path
 from report import style
-from report.pictures.ground_map import SOIL, finish_plan
-from report.pictures.ground_view import draw_surface, perspective
+from report.pictures.body_map import SOIL, finish_plan
+from report.pictures.body_view import draw_surface, perspective
 from report.pictures.video import check_video, write_video
 
 LENGTH, VIEW = 7.2, 3.4  # of the figure and height of the view [inches]
@@ -22,7 +22,7 @@ FACETS = 90
 FRAMES, FRAMES_PER_SECOND, HOLD_S = 40, 10.0, 1.5
 
 
-def save_ground_film(
+def save_body_film(
     path: Path, title: str, time: Sequence[float], maps: Sequence[Maps], *, side: Side = "right"
 ) -> Path:
     """Save a film; colours and axes stay from frame to frame.

@@ -1,4 +1,4 @@
-"""The second look: what the rounds pass over, on a model with known answers."""
+"""The search of pairs: what the rounds pass over, on a model with known answers."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from diagnosis.hypotheses.model import switch_of
 from diagnosis.options import Options
 from diagnosis.selection.explain import explain
 from diagnosis.selection.forward_selection import run_rounds
-from diagnosis.selection.second_look import look_again, overlooked, promises, starts
+from diagnosis.selection.pair_search import overlooked, promises, search_pairs, starts
 from diagnosis.selection.selection import Selection
 from tests.diagnosis.straight import straight
 
 
 def searched(seed: int, effects: dict[str, float], *, switches=(), **options) -> Selection:
-    """The rounds done, one effect at most: what a second look starts from."""
+    """The rounds done, one effect at most: what the search of pairs starts from."""
     model = straight(seed, effects)
     model.candidates = [
         switch_of(one.name, "water", one.words) if one.name in switches else one
@@ -37,7 +37,7 @@ def test_two_effects_are_found_where_one_is_not_enough(switches):
     selection = searched(0, {"late": 2.8, "step": size}, switches=switches, nearly_all=0.0)
     alone = selection.now.model
     assert len(alone.names) == 1
-    look_again(selection)
+    search_pairs(selection)
     found = selection.now.model
     assert found.names == ("late", "step")
     assert found.fit.total < alone.fit.total - 6.0 and found.sloped
@@ -47,10 +47,10 @@ def test_two_effects_are_found_where_one_is_not_enough(switches):
 
 
 @pytest.mark.parametrize("effects", [{}, {"late": 2.0}])
-def test_what_explains_needs_no_second_look(effects):
+def test_what_explains_needs_no_pairs(effects):
     selection = searched(1, effects)
     asked, found = selection.runs.asked, selection.now.model.names
-    look_again(selection)
+    search_pairs(selection)
     assert selection.runs.asked == asked
     assert selection.now.model.names == found == tuple(effects)
 
@@ -100,7 +100,7 @@ def test_a_promise_is_what_a_refit_keeps():
     assert refitted.fit.total == pytest.approx(pair.total, abs=2.0)
 
 
-def test_a_second_look_keeps_to_its_allowance():
+def test_the_pair_search_keeps_to_its_allowance():
     selection = searched(0, {"late": 2.8, "step": 2.5}, allowance=120)
-    look_again(selection)
+    search_pairs(selection)
     assert selection.runs.asked <= 120 and selection.runs.cut_short
