@@ -36,6 +36,9 @@ DENSITIES = 800.0, 3500.0
 VERTICALS = 400
 #: A liquefied layer has four rows of points or more; with fewer than this it is said. Six are well.
 ROWS, FEWEST_ROWS, GOOD_ROWS = 4.0, 3.5, 6.0
+#: Cells across what differs so many times in permeability from its neighbour: in less a seal leaks
+#: and a drain does not drain (`mpm_taichi.solver.pore_water`).
+WATER_CELLS, OTHERWISE = 1.0, 10.0
 #: Field of the spacing, which what is thin is about.
 SPACING = ("scene", "spacing")
 #: The thickness of a layer is that which so many percent of it have at most: necks count.
@@ -61,7 +64,7 @@ class Doubt(str):
 
 def doubts(scene: Scene) -> list[Doubt]:
     """Lines on what is hardly meant; empty: nothing."""
-    return [*_size(scene), *soil_doubts(scene), *_shape(scene)]
+    return [*_size(scene), *soil_doubts(scene), *_shape(scene), *water_doubts(scene)]
 
 
 def far_runouts(scene: Scene, runouts: Iterable[float]) -> list[str]:
@@ -172,6 +175,47 @@ def soil_doubts(scene: Scene) -> Iterator[Doubt]:
             yield Doubt(f"{name}: {words}", "scene", "materials", name, "friction_deg")
     if not any(scene.materials[zone.material].liquefied for zone in scene.zones):
         yield Doubt("no zone is marked as liquefied: there is no S_r to be found")
+
+
+def water_doubts(scene: Scene) -> Iterator[Doubt]:
+    """Lines on seals and drains thinner than cells of pore water, and on pressure in dry soil."""
+    used = {zone.material for zone in scene.zones}
+    stated = {name: scene.materials[name].permeability_m_per_s or 0.0 for name in used}
+    shapes = {
+        name: unary_union([Polygon(one.polygon) for one in scene.zones if one.material == name])
+        for name in sorted(used)
+    }
+    least = WATER_CELLS * scene.cell_size
+    for name, shape in shapes.items():
+        if is_crowded(shape, scene.spacing):
+            continue
+        for part in getattr(shape, "geoms", [shape]):
+            thick = 2.0 * part.area / part.length  # of a seam much longer than thick
+            beside = [
+                other
+                for other in shapes
+                if other != name
+                and _seals_or_drains(stated[name], stated[other])
+                and part.distance(shapes[other]) < 0.1 * scene.spacing
+            ]
+            if thick < least and beside and scene.has_water:
+                yield Doubt(
+                    f"few cells: {name} beside {' and '.join(beside)} is about {thick:.2g} m "
+                    f"thick, {thick / scene.cell_size:.2g} cells of the pore water; in less than "
+                    "one a seal leaks and a drain does not drain; spacing "
+                    f"{0.95 * scene.spacing * thick / least:.2g}",
+                    *SPACING,
+                )
+    for name, shape in shapes.items():
+        x, y = np.concatenate([p.exterior.xy for p in getattr(shape, "geoms", [shape])], axis=1)
+        if scene.materials[name].excess_pressure_ratio and not (y < scene.phreatic_level(x)).any():
+            words = "excess_pressure_ratio of soil above the water does nothing"
+            yield Doubt(f"{name}: {words}", "scene", "materials", name, "excess_pressure_ratio")
+
+
+def _seals_or_drains(own: float, other: float) -> bool:
+    """Of two permeabilities one is so much larger that the thinner layer is a seal or a drain."""
+    return max(own, other) > OTHERWISE * min(own, other)
 
 
 def _shape(scene: Scene) -> Iterator[Doubt]:

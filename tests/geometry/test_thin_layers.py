@@ -131,3 +131,49 @@ def test_a_foot_far_from_the_section_and_a_negative_runout_are_doubted():
     assert line.startswith(f"the left foot was surveyed at x = {foot - 34.0:g} m")
     (line,) = far_runouts(scene, [12.0, -34.0])
     assert "outward" in line
+
+
+def seamed(thick: float, seam_k: float | None, **soil: float) -> Scene:
+    """Saturated sand of 1e-4 m/s with a seam across it."""
+
+    def layer(name: str, low: float, high: float) -> dict:
+        box = [(0, low), (40, low), (40, high), (0, high)]
+        return {"name": name, "polygon": box, "material": "seam" if name == "seam" else "sand"}
+
+    return scene_from_mapping(
+        {
+            "name": "seamed",
+            "domain": {"x_min": -10, "x_max": 50, "y_max": 20},
+            "ground": {"points": [[-10, 0], [50, 0]]},
+            "zones": [layer("low", 0, 5), layer("seam", 5, 5 + thick), layer("top", 5 + thick, 10)],
+            "materials": {
+                "sand": {
+                    "friction_deg": 0, "cohesion_kpa": 9, "liquefied": True,
+                    "permeability_m_per_s": 1e-4,
+                },
+                "seam": {
+                    "friction_deg": 33, "cohesion_kpa": 0, "permeability_m_per_s": seam_k, **soil,
+                },
+            },
+            "water_level": 8.0,
+            "spacing": 0.5,
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("k", [None, 1e-7, 1e-2])
+def test_a_seal_or_drain_of_less_than_a_cell_is_said_until_the_spacing_suits_it(k):
+    thin = seamed(0.6, k)
+    (line,) = doubts(thin)
+    assert line.startswith("few cells: seam beside sand is about 0.59 m thick, 0.59 cells")
+    assert line.field == ("scene", "spacing")
+    assert doubts(thin.changed(spacing=float(line.split("spacing ")[1]))) == []
+    assert doubts(seamed(0.6, 5e-4)) == [], "water flows in it much as beside it"
+    assert doubts(seamed(1.2, k)) == []
+
+
+def test_excess_pressure_of_dry_soil_is_said():
+    wet = seamed(2.5, 1e-4, excess_pressure_ratio=0.3)
+    assert doubts(wet) == []
+    (line,) = doubts(wet.changed(water_level=4.0))
+    assert line == "seam: excess_pressure_ratio of soil above the water does nothing"
