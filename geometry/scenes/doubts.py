@@ -36,9 +36,9 @@ DENSITIES = 800.0, 3500.0
 VERTICALS = 400
 #: A liquefied layer has four rows of points or more; with fewer than this it is said. Six are well.
 ROWS, FEWEST_ROWS, GOOD_ROWS = 4.0, 3.5, 6.0
-#: Cells across what differs so many times in permeability from its neighbour: in less a seal leaks
-#: and a drain does not drain (`mpm_taichi.solver.pore_water`).
-WATER_CELLS, OTHERWISE = 1.0, 10.0
+#: Cells across what differs so many times in permeability from its neighbour: only from two on is
+#: there a row of cells of it alone, which seals or drains (`mpm_taichi.solver.pore_water`).
+WATER_CELLS, OTHERWISE = 2.0, 10.0
 #: Field of the spacing, which what is thin is about.
 SPACING = ("scene", "spacing")
 #: The thickness of a layer is that which so many percent of it have at most: necks count.
@@ -201,8 +201,8 @@ def water_doubts(scene: Scene) -> Iterator[Doubt]:
             if thick < least and beside and scene.has_water:
                 yield Doubt(
                     f"few cells: {name} beside {' and '.join(beside)} is about {thick:.2g} m "
-                    f"thick, {thick / scene.cell_size:.2g} cells of the pore water; in less than "
-                    "one a seal leaks and a drain does not drain; spacing "
+                    f"thick, {thick / scene.cell_size:.2g} cells of the pore water; in fewer than "
+                    "2 a seal may leak and a drain may not drain; spacing "
                     f"{0.95 * scene.spacing * thick / least:.2g}",
                     *SPACING,
                 )

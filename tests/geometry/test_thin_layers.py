@@ -162,14 +162,14 @@ def seamed(thick: float, seam_k: float | None, **soil: float) -> Scene:
 
 
 @pytest.mark.parametrize("k", [None, 1e-7, 1e-2])
-def test_a_seal_or_drain_of_less_than_a_cell_is_said_until_the_spacing_suits_it(k):
+def test_a_seal_or_drain_of_less_than_two_cells_is_said_until_the_spacing_suits_it(k):
     thin = seamed(0.6, k)
     (line,) = doubts(thin)
     assert line.startswith("few cells: seam beside sand is about 0.59 m thick, 0.59 cells")
     assert line.field == ("scene", "spacing")
     assert doubts(thin.changed(spacing=float(line.split("spacing ")[1]))) == []
     assert doubts(seamed(0.6, 5e-4)) == [], "water flows in it much as beside it"
-    assert doubts(seamed(1.2, k)) == []
+    assert doubts(seamed(2.2, k)) == []
 
 
 def test_excess_pressure_of_dry_soil_is_said():
