@@ -183,7 +183,8 @@ def walk_the_valley(
     surface knows its signature for the anchor's parameters alone, so each step is proposed by what
     the one before has taught. For one new effect these are the amplitudes of its ladder, of the
     sign that fits better, and on beyond the ladder's top while that fits better still; and the
-    middle of the other sign. For several new effects, the deepest valleys, two at most.
+    middle of the other sign. In decades no amplitude is a step from none to the next: each rung is
+    run, from the anchor. For several new effects, the deepest valleys, two at most.
 
     Args:
         context: the model and its measurements.
@@ -212,14 +213,14 @@ def walk_the_valley(
     ladder = sorted((x[place] for x in found if x[place] * best > 0.0), key=abs)
     seen = run_points(context.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)
     x, totals = surrogate.anchor, [surrogate.total(data, surrogate.anchor)]
+    apart = space.effects[place - space.p].scale.decades
     for number, amplitude in enumerate([*ladder, *(ladder[-1] * k for k in BEYOND)]):
         rise = HILL if number < len(ladder) else LEVEL
-        if (
-            totals[-1] > min(totals) + rise
-            or not space.low[place] <= amplitude <= space.high[place]
-        ):
+        if not space.low[place] <= amplitude <= space.high[place]:
             break
-        start = x.copy()
+        if totals[-1] > min(totals) + rise and not apart:
+            break
+        start = (surrogate.anchor if apart else x).copy()
         start[place] = amplitude
         x, _ = least(data, surrogate, start, held=new)
         for turn in range(2):

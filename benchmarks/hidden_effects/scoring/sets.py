@@ -52,6 +52,13 @@ SETS = (
     OpenedSet("fifth", "SPH", "foreign_fifth", "foreign_fifth_results", "59c55b9"),
     OpenedSet("sixth", "SPH", "foreign_sixth", "foreign_sixth_results", "05a9d15"),
     OpenedSet("pore water", "own solver", "pore_water", "pore_water_results", "7329293"),
+    OpenedSet(
+        "pore water, second",
+        "own solver",
+        "pore_water_second",
+        "pore_water_second_results",
+        "72891d84",
+    ),
 )
 HEADER = (
     "set", "slides by", "cases", "nulls: alarm, name", "single things named right",
