@@ -115,6 +115,10 @@ def load_case(
 
     Raises:
         InputError: file, field, value and what is allowed.
+
+    Example:
+        >>> load_case("lower_san_fernando").title
+        'Lower San Fernando'
     """
     run = Call.of(SectionOptions, options)
     with run.own_code():
@@ -162,6 +166,13 @@ def simulate(
         InputError: bad input.
         WorkFailed: the solver stopped the run.
         Cancelled: the caller asked for it.
+
+    Example:
+        >>> done = simulate("lower_san_fernando", spacing_m=3.0, threads=1)
+        >>> for one in done.readings:
+        ...     if one.name == "upstream toe":
+        ...         print(f"{one.simulated:.0f} m of {one.measured:.0f} m")
+        24 m of 53 m
     """
     from mpm_taichi.comparison import read_deposit, simulate_case
 
@@ -351,6 +362,11 @@ def back_analyse(
         InputError: bad input.
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
+
+    Example:
+        >>> found = back_analyse("lower_san_fernando", spacing_m=3.0, quick=True, threads=1)
+        >>> [(one.name, round(one.value)) for one in found.answer.parameters]
+        [('residual_strength', 17)]
     """
     run = Call.of(SectionOptions, options, evaluated=evaluated)
     with run.folder(out) as folder:
@@ -371,6 +387,11 @@ def choose_engine(asked: Asked, engine: str | None = None, model: Place | None =
 
     Raises:
         InputError: no such engine or model, one that is not installed or cannot simulate the case.
+
+    Example:
+        >>> asked = load_question("lower_san_fernando", spacing_m=2.0)
+        >>> choose_engine(asked, "direct").engine.description
+        'a learned model that predicts the deposit in one pass'
     """
     from inversion.back_analysis.by_engine import chosen_engine
 
@@ -418,6 +439,11 @@ def load_question(
 
     Raises:
         InputError: file, field, value and what is allowed.
+
+    Example:
+        >>> asked = load_question("la_marquesa", spacing_m=1.0)
+        >>> [one.name for one in asked.setup.parameters.specs]
+        ['residual_strength_1', 'residual_strength_2', 'residual_strength_6']
     """
     from geometry.case import Case
     from geometry.scenes3d.scene3d import is_body
@@ -903,6 +929,12 @@ def classical(
     Raises:
         InputError: bad input, or a slide that cannot be analysed.
         Cancelled: the caller asked for it.
+
+    Example:
+        >>> (slide,) = classical("lower_san_fernando", slide="upstream")["analyses"]
+        >>> first = slide["methods"][0]
+        >>> first["title"], round(first["value_kpa"])
+        ('Kinetics (Olson 2001)', 24)
     """
     own = Call.of(SurveyOptions, options)
     with own.folder(out) as folder, working_in(folder):
@@ -1070,6 +1102,11 @@ def compare(
         InputError: bad input.
         WorkFailed: no run of the base model could be read.
         Cancelled: the caller asked for it.
+
+    Example:
+        >>> judged = compare("lower_san_fernando", spacing_m=3.0, threads=1)
+        >>> judged.alarm
+        'alarm'
     """
     from diagnosis.answers import compared
 

@@ -1,0 +1,16 @@
+"""The examples in the docstrings of the public functions do what they show."""
+
+from __future__ import annotations
+
+import doctest
+
+import pytest
+
+import flowslide.api
+
+
+@pytest.mark.slow
+def test_the_examples_of_the_api_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = doctest.testmod(flowslide.api)
+    assert found.attempted >= 15 and found.failed == 0
