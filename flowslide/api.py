@@ -116,7 +116,7 @@ def load_case(
     Raises:
         InputError: file, field, value and what is allowed.
 
-    Example:
+    Examples:
         >>> load_case("lower_san_fernando").title
         'Lower San Fernando'
     """
@@ -167,7 +167,7 @@ def simulate(
         WorkFailed: the solver stopped the run.
         Cancelled: the caller asked for it.
 
-    Example:
+    Examples:
         >>> done = simulate("lower_san_fernando", spacing_m=3.0, threads=1)
         >>> for one in done.readings:
         ...     if one.name == "upstream toe":
@@ -363,7 +363,7 @@ def back_analyse(
         WorkFailed: no simulation of the case can be read.
         Cancelled: the caller asked for it.
 
-    Example:
+    Examples:
         >>> found = back_analyse("lower_san_fernando", spacing_m=3.0, quick=True, threads=1)
         >>> [(one.name, round(one.value)) for one in found.answer.parameters]
         [('residual_strength', 17)]
@@ -388,7 +388,7 @@ def choose_engine(asked: Asked, engine: str | None = None, model: Place | None =
     Raises:
         InputError: no such engine or model, one that is not installed or cannot simulate the case.
 
-    Example:
+    Examples:
         >>> asked = load_question("lower_san_fernando", spacing_m=2.0)
         >>> choose_engine(asked, "direct").engine.description
         'a learned model that predicts the deposit in one pass'
@@ -440,7 +440,7 @@ def load_question(
     Raises:
         InputError: file, field, value and what is allowed.
 
-    Example:
+    Examples:
         >>> asked = load_question("la_marquesa", spacing_m=1.0)
         >>> [one.name for one in asked.setup.parameters.specs]
         ['residual_strength_1', 'residual_strength_2', 'residual_strength_6']
@@ -930,7 +930,7 @@ def classical(
         InputError: bad input, or a slide that cannot be analysed.
         Cancelled: the caller asked for it.
 
-    Example:
+    Examples:
         >>> (slide,) = classical("lower_san_fernando", slide="upstream")["analyses"]
         >>> first = slide["methods"][0]
         >>> first["title"], round(first["value_kpa"])
@@ -1103,7 +1103,7 @@ def compare(
         WorkFailed: no run of the base model could be read.
         Cancelled: the caller asked for it.
 
-    Example:
+    Examples:
         >>> judged = compare("lower_san_fernando", spacing_m=3.0, threads=1)
         >>> judged.alarm
         'alarm'
