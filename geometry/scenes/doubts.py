@@ -181,6 +181,8 @@ def water_doubts(scene: Scene) -> Iterator[Doubt]:
     """Lines on seals and drains thinner than cells of pore water, and on pressure in dry soil."""
     used = {zone.material for zone in scene.zones}
     stated = {name: scene.materials[name].permeability_m_per_s or 0.0 for name in used}
+    if not any(stated.values()):  # nor has any soil an excess pressure of its own then
+        return
     shapes = {
         name: unary_union([Polygon(one.polygon) for one in scene.zones if one.material == name])
         for name in sorted(used)
