@@ -247,7 +247,7 @@ class Flight:
             return f"energy balance: {100 * surplus:.1f} % of the released energy out of nothing"
         if alarm:
             return "a point moved more than a cell in one time step"
-        return ""
+        return next((one.fault for one in self.hosted.values() if one.fault), "")
 
     def _surplus(self, position: np.ndarray, sums: np.ndarray) -> float:
         """Mechanical energy above what was there, as a share of the energy released so far."""

@@ -37,7 +37,7 @@ from mpm_taichi.effects.framework.registry import (
     user_effects,
 )
 
-PHYSICS_VERSION = 2
+PHYSICS_VERSION = 3
 """Raised whenever a scene with an effect of the library gives other numbers than before; part of
 the key of every run with an effect on. The effects share their kernels, so they share this."""
 

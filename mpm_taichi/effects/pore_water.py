@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
-from mpm_taichi.effects.framework.free_water import SUCTION, soaked_area
+from mpm_taichi.effects.framework.free_water import soaked_area
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mpm_taichi.effects.framework.between import Between, SettledPoints
 
 #: Columns of `here.renewed`, which `solver.pore_water.PoreWater` writes.
-DRAINED, HELD, FALL, SINE = range(4)
+DRAINED, HELD, FALL, SINE, SUCTION = range(5)
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
@@ -30,7 +30,7 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
         held = here.renewed[HELD] - here.renewed[FALL] * here.strain
         share = here.renewed[DRAINED]
         mean = ti.max(here.plane_pressure, 0.0)
-        held = ti.min(held, (1.0 - share) * mean + SUCTION)
+        held = ti.min(held, (1.0 - share) * mean + here.renewed[SUCTION])
         effective = ti.max(share * mean + held, 0.0)
         if held < 0.0:
             share = effective / ti.max(mean, 1.0)

@@ -6,7 +6,8 @@ plane. Over a chunk of time the water of a saturated point does three things:
 
 1. undrained: u takes a change of s (B = 1), and what the soil would contract by in shear or, where
    it is liquefied, under its own weight: S du = S ds + d(contraction). Soil that does not liquefy
-   dilates in shear instead, until its water cavitates or it has reached its critical state;
+   dilates in shear instead, until its water cavitates (at an absolute pressure of 0, so deeper
+   water can fall further) or it has reached its critical state;
 2. Darcy: S du/dt = div(k / gamma_w grad u), an implicit step (backward Euler) on square cells; u is
    0 at free faces, in dry soil and in the pool, and nothing flows through the base, far boundaries,
    fixed bodies and soil without a permeability;
@@ -21,11 +22,12 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from geometry.sides import SIDES, outward_of
+from mpm_taichi.effects.framework.between import RENEWED
 from mpm_taichi.effects.framework.free_water import SUCTION
 from mpm_taichi.layout import XX, XY, YY
 from mpm_taichi.solver.water import WATER_DENSITY
@@ -40,12 +42,12 @@ WATER_BULK_MODULUS = 2.2e9
 """Of water [Pa]."""
 POROSITY = 0.4
 """n of the soils; the water in it is a hundredth of the storage or less."""
-CAVITATION = -SUCTION
-"""Excess pressure [Pa] below which water in soil cavitates; it holds no larger suction."""
 FLUID = 1e-3
 """Effective stress below this share of the mean stress at the start: the grains hang in water."""
 TOLERANCE = 1e-10
 """Of the implicit step: largest error of a pressure over the largest pressure."""
+ENOUGH = 1e-5
+"""The same where `MOST_TURNS` did not reach `TOLERANCE`; beyond it the run is given up."""
 MOST_TURNS = 2000
 """Of conjugate gradients."""
 MOST_SWITCHES = 20
@@ -157,6 +159,22 @@ def _drained_friction(soil: Material) -> float:
     return soil.pre_failure.friction_rad if soil.pre_failure else 0.0
 
 
+class FlowStep(NamedTuple):
+    """A step of the flow through n x m cells.
+
+    Attributes:
+        pressure: after the step (n, m) [Pa].
+        used: supply that was used (n, m) [m2].
+        expelled: water that has left through drained faces [m2].
+        solved: False where `MOST_TURNS` or `MOST_SWITCHES` were not enough for `ENOUGH`.
+    """
+
+    pressure: np.ndarray
+    used: np.ndarray
+    expelled: float
+    solved: bool
+
+
 @dataclass(frozen=True)
 class Cells:
     """Square cells around the soil, one ring beyond it, as water flows through them.
@@ -199,7 +217,7 @@ class Cells:
 
     def advance(
         self, pressure: np.ndarray, dt: float, supply: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, float]:
+    ) -> FlowStep:
         """A step of backward Euler.
 
         Args:
@@ -208,16 +226,13 @@ class Cells:
             supply: (n, m) water [m2] by which a cell can make up for what it loses: its pressure
                 falls once that is spent. None: no cell has any.
 
-        Returns:
-            pressure after the step (n, m); the supply that was used (n, m) [m2]; the water that has
-            left through drained faces [m2]. What leaves one cell enters the next to rounding,
-            whatever the error of the solution.
+        What leaves one cell enters the next to rounding, whatever the error of the solution.
         """
         used = np.zeros_like(pressure)
         held = np.zeros(pressure.shape, bool) if supply is None else supply > 0.0
-        solved = pressure
+        solved, ends, switches = pressure, True, False
         for _ in range(MOST_SWITCHES):
-            solved = self._solved(pressure, used, held, dt, solved)
+            solved, ends = self._solved(pressure, used, held, dt, solved)
             if supply is None:
                 break
             lost = dt * self.flow(solved)
@@ -225,12 +240,14 @@ class Cells:
             back = ~held & (used > 0.0) & (solved > pressure)
             used = np.where(spent, supply, np.where(back, 0.0, used))
             switched, held = spent | fed | back, (held & ~spent & ~fed) | back
-            if not switched.any():
+            switches = bool(switched.any())
+            if not switches:
                 break
         lost = dt * self.flow(solved)
         used = np.where(held, lost, used)
         change = (used - lost) / np.where(self.storage > 0.0, self.storage, np.inf)
-        return pressure + change, used, float(dt * (self.drained * solved).sum())
+        expelled = float(dt * (self.drained * solved).sum())
+        return FlowStep(pressure + change, used, expelled, ends and not switches)
 
     def _solved(
         self,
@@ -239,8 +256,8 @@ class Cells:
         held: np.ndarray,
         dt: float,
         start: np.ndarray,
-    ) -> np.ndarray:
-        """Solution of (C + dt L) x = C u + source but where u is held.
+    ) -> tuple[np.ndarray, bool]:
+        """Solution of (C + dt L) x = C u + source but where u is held, and whether it was found.
 
         By conjugate gradients from `start`, with sums in a fixed order.
         """
@@ -259,11 +276,9 @@ class Cells:
         way = inverse * rest
         strength = float((rest * way).sum())
         for _ in range(MOST_TURNS):
-            if np.abs(rest / storage).max(initial=0.0) <= limit:
-                break
+            if np.abs(rest / storage).max(initial=0.0) <= limit or strength <= 0.0:
+                return x, True
             push = free * (self.storage * way + dt * self.flow(way))
-            if strength <= 0.0:
-                break
             length = strength / float((way * push).sum())
             x = x + length * way
             rest = rest - length * push
@@ -271,7 +286,7 @@ class Cells:
             new = float((rest * fall).sum())
             way = fall + (new / strength) * way
             strength = new
-        return x
+        return x, bool(np.abs(rest / storage).max(initial=0.0) * TOLERANCE <= limit * ENOUGH)
 
 
 def lay_cells(
@@ -357,7 +372,8 @@ class PoreWater:
         expelled: water that has left through drained faces [m2].
         contracted: water that soil has set free as it contracted, less what it took as it dilated
             [m2].
-        cavitated: the same where the pressure fell to `CAVITATION` [m2].
+        cavitated: the same where the water cavitated [m2].
+        fault: why the flow cannot be right; else "".
     """
 
     def __init__(
@@ -365,6 +381,7 @@ class PoreWater:
         soil: PorousSoil,
         stress: np.ndarray,
         lay: Callable[[np.ndarray], Cells],
+        still: Callable[[np.ndarray], np.ndarray],
     ) -> None:
         """Pore water of soil that has settled.
 
@@ -372,8 +389,10 @@ class PoreWater:
             soil: the points.
             stress: (P, 4) after settling [Pa], tension positive.
             lay: `lay_cells` for positions (P, 2).
+            still: pressure of still water (P,) [Pa], over air, at positions (P, 2) [m].
         """
-        self.soil, self.lay = soil, lay
+        self.soil, self.lay, self.still = soil, lay, still
+        self.suction = np.full(len(stress), SUCTION)
         self.mean, self.radius = _mean(stress), _radius(stress)
         self.start = self.mean
         flows = soil.takes_part
@@ -384,6 +403,7 @@ class PoreWater:
         self.shear = np.zeros(len(stress))
         self.fluid = loose & (self.effective <= FLUID * self.start)
         self.expelled = self.contracted = self.cavitated = 0.0
+        self.fault = ""
         self.cells: Cells
 
     @property
@@ -405,8 +425,9 @@ class PoreWater:
             now: the points at its end.
 
         Returns:
-            (P, 4) float32, for the coming chunk: see `effects.pore_water.strength`.
+            (P, RENEWED) float32, for the coming chunk: see `effects.pore_water.strength`.
         """
+        self.suction = SUCTION + self.still(now.position)
         self._undrained(_mean(now.stress), now.shear)
         self.radius = _radius(now.stress)
         self.cells = self.lay(now.position)
@@ -458,7 +479,7 @@ class PoreWater:
         most = np.minimum(np.maximum(self.owed, 0.0), soil.storage * self.effective)
         self._contract(np.where(flows, np.clip(contracts, np.minimum(self.owed, 0.0), most), 0.0))
         excess = np.where(flows, self.excess + (mean - self.mean), 0.0)
-        self.excess = np.where(flows, np.maximum(excess, CAVITATION), 0.0)
+        self.excess = np.where(flows, np.maximum(excess, -self.suction), 0.0)
         self.cavitated += float(((self.excess - excess) * soil.storage * soil.volume).sum())
         self.mean, self.shear = mean, shear
 
@@ -477,8 +498,10 @@ class PoreWater:
         owed = (self.owed * soil.volume * self.fluid)[flows]
         supply = cells.sums(owed)
         mostly = cells.sums(held * self.fluid[flows]) > 0.5 * cells.storage
-        after, used, expelled = cells.advance(before, dt, np.where(mostly, supply, 0.0))
+        after, used, expelled, solved = cells.advance(before, dt, np.where(mostly, supply, 0.0))
         self.expelled += expelled
+        if not solved:
+            self.fault = "the flow of the pore water could not be solved"
         self.contracted += float(used.sum())
         # What differs within a cell evens out as a wave of that length does, but where grains hang
         # in water, whose pressure follows the depth.
@@ -499,10 +522,10 @@ class PoreWater:
         self.fluid = loose & (self.effective <= FLUID * self.start)
 
     def _strengths(self, dt: float) -> np.ndarray:
-        """The numbers of the points for a chunk of `dt` [s], (P, 4) float32."""
+        """The numbers of the points for a chunk of `dt` [s], (P, RENEWED) float32."""
         soil, flows, effective = self.soil, self.soil.takes_part, self.effective
         # The share of a load that would still be undrained after a step: 1 where water is shut in.
-        left, _, _ = self.cells.advance((self.cells.storage > 0.0).astype(float), dt)
+        left = self.cells.advance((self.cells.storage > 0.0).astype(float), dt).pressure
         undrained = np.ones(len(flows))
         undrained[flows] = np.clip(self.cells.at_points(left), 0.0, 1.0)
         drained = 1.0 - undrained
@@ -510,10 +533,11 @@ class PoreWater:
         short = held < 0.0
         drained = np.where(short, effective / np.maximum(self.mean, 1.0), drained)
         fall = np.where(self.owed != 0.0, soil.per_shear / soil.storage * undrained, 0.0)
-        rows = np.zeros((len(flows), 4), np.float32)
+        rows = np.zeros((len(flows), RENEWED), np.float32)
         rows[:, 0], rows[:, 2] = drained, fall
         rows[:, 1] = np.where(short, 0.0, held) + fall * self.shear
         rows[:, 3] = np.where(flows, np.where(soil.loose, soil.sine, OWN_FRICTION), NO_PART)
+        rows[:, 4] = self.suction
         return rows
 
 
@@ -557,4 +581,8 @@ def pore_water(
             closed=closed,
         )
 
-    return PoreWater(soil, settled.stress, lay)
+    def still(position: np.ndarray) -> np.ndarray:
+        depth = scene.phreatic_level(position[:, 0]) - position[:, 1]
+        return WATER_DENSITY * settled.gravity * np.maximum(depth, 0.0)
+
+    return PoreWater(soil, settled.stress, lay, still)

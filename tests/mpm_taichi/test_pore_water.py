@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 
 from mpm_taichi.effects.framework.between import PointsNow
+from mpm_taichi.effects.framework.free_water import SUCTION
 from mpm_taichi.solver.pore_water import (
-    CAVITATION,
     WATER_DENSITY,
     PoreWater,
     PorousSoil,
@@ -19,9 +19,13 @@ STORAGE = 1.0 / 40e6
 
 
 class Block:
-    """A rectangle of wet soil on a closed base, four points to a cell; `k` of (x, y), (P,)."""
+    """A rectangle of wet soil on a closed base, four points to a cell; `k` of (x, y), (P,).
 
-    def __init__(self, width, height, cell, k, *, shut=None, ratio=1.0, loose=0.0, stress=None):
+    Its top is `below` the water level [m].
+    """
+
+    def __init__(self, width, height, cell, k, *, shut=None, ratio=1.0, loose=0.0, stress=None,
+                 below=0.0):
         half = 0.5 * cell
         x = half * (np.arange(round(width / half)) + 0.5)
         y = half * (np.arange(round(height / half)) + 0.5)
@@ -50,7 +54,10 @@ class Block:
                 closed=shut or (lambda x, y: (y < 0.0) | (x < 0.0) | (x > width)),
             )  # fmt: skip
 
-        self.water = PoreWater(self.soil, self.stress, lay)
+        def still(position):
+            return WEIGHT * (below + height - position[:, 1])
+
+        self.water = PoreWater(self.soil, self.stress, lay, still)
 
     def pass_time(self, seconds, steps, *, excess=None):
         """Steps of equal length under constant stress."""
@@ -197,13 +204,16 @@ def test_shear_of_loose_soil_raises_the_pressure_until_it_has_liquefied():
 
 def test_shear_of_dense_soil_lowers_the_pressure_until_it_is_critical_or_its_water_cavitates():
     gain = 0.1 * 0.01 / STORAGE  # 40 kPa a percent of shear
-    for total, lowest in ((0.002, -0.002 / STORAGE), (0.02, CAVITATION)):
-        block = Block(2.0, 2.0, 1.0, 1e-12, loose=-total)
+    y = Block(2.0, 2.0, 1.0, 1e-12).position[:, 1]
+    for total, below in ((0.002, 0.0), (0.02, 0.0), (0.02, 10.0)):
+        block = Block(2.0, 2.0, 1.0, 1e-12, loose=-total, below=below)
+        lowest = np.maximum(-total / STORAGE, -SUCTION - WEIGHT * (below + 2.0 - y))
         for shear, excess in ((0.01, -gain), (0.02, -2.0 * gain), (0.5, lowest)):
             now = PointsNow(block.position, block.stress, np.full(16, shear), 0.1, 0.1)
             rows = block.water.renew(now)
             assert block.water.excess == pytest.approx(excess, rel=1e-6)
             assert rows[:, 1] - rows[:, 2] * shear == pytest.approx(100e3 - excess, abs=20.0)
+            assert rows[:, 4] == pytest.approx(SUCTION + WEIGHT * (below + 2.0 - y), rel=1e-6)
         flows = PointsNow(block.position, block.stress, np.full(16, 0.5), 1e13, 1e13)
         block.water.renew(flows)
         assert block.water.excess == pytest.approx(0.0, abs=100.0)  # the water comes in

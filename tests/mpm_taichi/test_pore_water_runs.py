@@ -219,6 +219,13 @@ def test_a_soil_may_state_its_own_excess_pressure_whether_it_liquefies_or_not():
     assert run_key(stated, SETTINGS, "cpu") != run_key(wet, SETTINGS, "cpu")
 
 
+def test_a_run_whose_flow_cannot_be_solved_ends_with_its_reason(monkeypatch):
+    monkeypatch.setattr("mpm_taichi.solver.pore_water.MOST_TURNS", 1)
+    (run,) = simulate([bank(permeability_m_per_s=1e-3)], SETTINGS, threads=1)
+    assert run.status == "failed"
+    assert run.reason == "the flow of the pore water could not be solved"
+
+
 def test_what_cannot_be_is_refused_in_one_line():
     wet = bank(permeability_m_per_s=1e-5)
     with pytest.raises(InputError, match="pore_water: .* no soil with a permeability_m_per_s"):

@@ -128,7 +128,7 @@ class Effect:
     - `field(scene, position, amplitude, parameters) -> (N,)`: a fixed number for each point at
       `position` (N, 2) [m], found as `here.field`.
     - `between(scene, settled, amplitude, parameters) -> Between`: a state on the host that renews
-      four numbers of each point after every chunk of the run, found as `here.renewed`; see
+      five numbers of each point after every chunk of the run, found as `here.renewed`; see
       `effects.framework.between`.
     - `until(scene, amplitude, parameters) -> s`: time before which a run at rest may not be ended,
       because the effect will still change.

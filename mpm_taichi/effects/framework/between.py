@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from geometry.scenes.scene import Material
 
-RENEWED = 4
+RENEWED = 5
 """Numbers of a point that are renewed between chunks: `here.renewed`."""
 
 
@@ -62,7 +62,13 @@ class PointsNow:
 
 
 class Between(Protocol):
-    """What a hook `between` returns: the state of an effect on the host over a run."""
+    """What a hook `between` returns: the state of an effect on the host over a run.
+
+    Attributes:
+        fault: why what it gave last cannot be right, which ends the run; else "".
+    """
+
+    fault: str
 
     def renew(self, now: PointsNow) -> np.ndarray:
         """Numbers of the points for the coming chunk, (P, `RENEWED`)."""

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 FAR = 1e9
 """Stands for an end of the section beyond which nothing changes [m]."""
 SUCTION = 1e5
-"""Water in soil holds no larger one [Pa]."""
+"""Water in soil holds no larger one, below the pressure of the air [Pa]."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ stress, plane_pressure, that of the two in the plane, and vertical, the vertical
 vertical effective stress before failure, and mean_overburden, its mean over the liquefied points
 (all five in Pa, compression positive); liquefied, 1 or 0; friction (tan phi) and cohesion [Pa] of
 its material, with a strength ratio that of the point; cell [m]; memory and field, the effect's own
-numbers; renewed, the four that its hook `between` renews. Of a node (`node`): place x, y [m]; time
+numbers; renewed, the five that its hook `between` renews. Of a node (`node`): place x, y [m]; time
 [s]; cell [m].
 """
 
@@ -62,6 +62,7 @@ from mpm_taichi.materials.law import MaterialLaw
 from mpm_taichi.solver.transfer import mass_weights
 
 _F32 = ti.f32
+Renewed = ti.types.vector(RENEWED, ti.f32)
 PointView = ti.types.struct(
     x=_F32,
     y=_F32,
@@ -85,7 +86,7 @@ PointView = ti.types.struct(
     cell=_F32,
     memory=_F32,
     field=_F32,
-    renewed=vec4,
+    renewed=Renewed,
 )
 NodeView = ti.types.struct(x=_F32, y=_F32, time=_F32, cell=_F32)
 Soil = ti.types.struct(friction=_F32, cohesion=_F32, cap=_F32)
@@ -132,7 +133,7 @@ def point_view(p, step: A, state: A):
         cell=step.cell,
         memory=0.0,
         field=0.0,
-        renewed=vec4(0.0, 0.0, 0.0, 0.0),
+        renewed=Renewed(0.0),
     )
 
 
