@@ -40,6 +40,11 @@ class Worth(StrictDocument):
     half_off: float = Field(ge=0, description="S_r was off by this factor, less 1, in half of them")
     most_off: float = Field(ge=0, description="and by this in nine of ten")
     held: int = Field(ge=0, description="of them, whose 95 % interval held S_r")
+    beyond: float = Field(
+        ge=0,
+        description="standard deviation of ln S_r which, added to that of the fits, lets intervals "
+        "hold S_r as often as they say",
+    )
 
     def span(self, value: float) -> tuple[float, float]:
         """Between which S_r lay in nine of ten, had this been said of it."""
@@ -128,6 +133,12 @@ def factor_of(verdict: Verdicts | None) -> float:
     """Factor within which nine of ten strengths lay; that of all verdicts where this tells none."""
     known = None if verdict is None else worth_of(verdict)
     return mean_worth() if known is None else 1.0 + known.most_off
+
+
+def beyond_list(verdict: Verdicts) -> float:
+    """Standard deviation of ln S_r for what no list holds, where a verdict is given."""
+    found = worth_of(verdict)
+    return max(one.beyond for one in track_record().groups) if found is None else found.beyond
 
 
 def worth_of(verdict: Verdicts) -> Worth | None:

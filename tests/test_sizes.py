@@ -80,7 +80,7 @@ LINES = {
     "benchmarks/gpu": 1170,
     "benchmarks/hidden_effects": 7760,
     "benchmarks/performance": 1290,
-    "benchmarks/studies": 3550,
+    "benchmarks/studies": 3580,
     "benchmarks/verification": 5230,
 }
 

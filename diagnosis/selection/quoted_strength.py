@@ -11,11 +11,15 @@
   chi2 by as much as acceptance asks for, all of one weight. Each standard deviation is widened by
   the Birge ratio sqrt(chi2 / dof) where that is above 1. So a false name cannot sharpen a strength.
 
+A strength is widened besides by what such verdicts have left unknown on slides whose truth is known
+(`track_record.Worth.beyond`): no list holds all that can be missing.
+
 With weights w, means x and standard deviations s in fitted units (logarithms of strengths),
 
-    x_q = sum w x,     s_q^2 = sum w (s^2 + (x - x_q)^2)
+    x_q = sum w x,     s_q^2 = sum w (s^2 + (x - x_q)^2) + b^2
 
-(law of total variance). s is that of the fit, made by C, under C' (`System.spread_with`).
+(law of total variance), b what is beyond the list. s is that of the fit, made by C, under C'
+(`System.spread_with`).
 """
 
 from __future__ import annotations
@@ -55,6 +59,7 @@ def quoted(
     *,
     error: np.ndarray | None,
     widened: bool,
+    beyond: float = 0.0,
 ) -> Quoted:
     """Mix models.
 
@@ -65,6 +70,7 @@ def quoted(
         error: C' - C at the answer, (m, m), for models with effects and no error of their own;
             None: none is known.
         widened: by the Birge ratio.
+        beyond: standard deviation of their logarithm that strengths have besides.
     """
     total = sum(weights.values())
     share = {names: weight / total for names, weight in weights.items()}
@@ -79,7 +85,11 @@ def quoted(
         variances.append(birge * spread**2)
     w, x = np.array(list(share.values())), np.array(means)
     middle = w @ x
-    return Quoted(middle, np.sqrt(w @ (np.array(variances) + (x - middle) ** 2)), share)
+    variance = w @ (np.array(variances) + (x - middle) ** 2)
+    parameters = models[next(iter(share))].fit.space.parameters
+    values = parameters.to_values(middle)
+    unlisted = parameters.strengths * beyond * values / parameters.value_per_fitted(values)
+    return Quoted(middle, np.sqrt(variance + unlisted**2), share)
 
 
 def equal_weights(explanations: Iterable[tuple[str, ...]]) -> dict[tuple[str, ...], float]:

@@ -234,8 +234,8 @@ def measurement_lines(
     return lines
 
 
-def quoted_part(found: Quoted, fit: Fit) -> dict[str, verdict.QuotedValue]:
-    """What to use of each parameter; `fit`: of any of the models."""
+def quoted_part(found: Quoted, fit: Fit, beyond: float) -> dict[str, verdict.QuotedValue]:
+    """What to use of each parameter; `fit`: of any of the models, `beyond`: as in `quoted`."""
     space, p = fit.space, fit.space.p
     rest = fit.x[p:]
 
@@ -258,8 +258,11 @@ def quoted_part(found: Quoted, fit: Fit) -> dict[str, verdict.QuotedValue]:
             std=float(std[k]),
             intervals={key: (float(low[k]), float(high[k])) for key, (low, high) in ends.items()},
             models=models,
+            beyond=beyond if strength else 0.0,
         )
-        for k, name in enumerate(space.parameters.names)
+        for k, (name, strength) in enumerate(
+            zip(space.parameters.names, space.parameters.strengths, strict=True)
+        )
     }
 
 

@@ -97,6 +97,12 @@ class QuotedValue(StrictDocument):
         description="that hold 50 %, 80 %, 95 % of the probability, cut at the bounds"
     )
     models: list[NamedSet] = Field(description="models it is a mixture of, with their weights")
+    beyond: float = Field(
+        0.0,
+        ge=0.0,
+        description="of `std`, what stands for causes that no list holds, by the record of such "
+        "verdicts; of the strength's logarithm, 0 in files of earlier versions",
+    )
     at_least: float | None = Field(
         None,
         description="one-sided 95 % lower bound of a strength, its assumed errors counted, where "

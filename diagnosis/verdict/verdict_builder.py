@@ -29,6 +29,7 @@ from diagnosis.selection.quoted_strength import (
 from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.tried_models import AdoptedModel
 from diagnosis.selection.unknown_curve import FoundCurve
+from diagnosis.track_record import beyond_list
 from diagnosis.verdict import verdict
 from diagnosis.verdict.fitted_models import (
     effect_answers,
@@ -567,6 +568,9 @@ def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
     decision = found.decision
     models = found.tried_models.models
     explained = decision.verdict in EXPLAINED
+    targets = found.model.targets
+    # No slide of the record stood still: a bound has the errors that are known alone.
+    beyond = 0.0 if targets.limits_alone else beyond_list(decision.verdict)
     weights = (
         equal_weights(decision.sets) if explained else unexplained(models, found.options.least_drop)
     )
@@ -576,9 +580,9 @@ def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
         weights,
         error=found.tried_models.error,
         widened=not explained or decision.final.adequacy.p_combined < found.options.still_failing,
+        beyond=beyond,
     )
-    part = quoted_part(mixed, models[()].fit)
-    targets = found.model.targets
+    part = quoted_part(mixed, models[()].fit, beyond)
     if not targets.limits_alone:
         return part
     assumed = _stage_of(found, found.tried_models.way[0]).std_assumed

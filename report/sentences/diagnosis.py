@@ -18,6 +18,7 @@ from diagnosis.verdict.verdict import (
     FittedModelSummary,
     MeasurementVerdict,
     ParameterWords,
+    QuotedValue,
     Verdict,
     WaterfallStep,
     Window,
@@ -434,11 +435,18 @@ def quoted_words(data: DiagnosisData, name: str, unit: str) -> str:
     if data.verdict.verdict in UNEXPLAINED:
         return (
             f"Not a result, only a range: {value} (95 % interval of the base model and all tried "
-            f"that fit clearly better, {made}, widened by what they leave)."
+            f"that fit clearly better, {made}, widened by what they leave{unlisted_words(used)})."
         )
     value = f"{value}, 95 % interval {number(low)} to {number(high)}"
     of = f"all of the answer, {made}" if len(used.models) > 1 else "one model"
-    return f"Quoted: {value} ({of})."
+    return f"Quoted: {value} ({of}{unlisted_words(used)})."
+
+
+def unlisted_words(used: QuotedValue) -> str:
+    """What a standard deviation holds for causes that no list has; empty: nothing."""
+    if not used.beyond:
+        return ""
+    return f", with {percent(used.beyond)} for causes that are on no list"
 
 
 def strength_words(stage: FittedModelSummary, name: str, unit: str) -> str:

@@ -11,6 +11,8 @@ from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.selection.quoted_strength import equal_weights, quoted, unexplained
 from diagnosis.selection.refit import FittedModel, RefitContext
+from diagnosis.track_record import beyond_list
+from diagnosis.verdict.fitted_models import INTERVALS
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.misfit import system
 from inversion.estimation.unknowns import Scale, UnknownAmplitude
@@ -93,6 +95,26 @@ def test_what_does_not_explain_cannot_sharpen_a_strength():
         assert found.std[0] > 1.5 * narrow.std[0]
 
 
+def test_causes_that_no_list_holds_widen_strengths_alone():
+    case, fits = models()
+    known, beyond = (
+        quoted(context(case), fits, {(): 1.0}, error=None, widened=False, beyond=std)
+        for std in (0.0, 0.3)
+    )
+    unit = case.parameters.value_per_fitted(np.array([1.0, 1.0]))[0]  # ln S_r
+    assert unit * beyond.std[0] == pytest.approx(np.hypot(unit * known.std[0], 0.3))
+    assert beyond.std[1] == known.std[1] and np.all(beyond.x == known.x)
+
+
+def test_a_verdict_says_what_it_holds_for_causes_on_no_list():
+    found = diagnose(straight(1, {"late": 2.0}), replace(ASKED, deserved=1.0))
+    told = verdict_document(found, case="c", title="t")
+    used = told.quoted["S_r"]
+    assert told.verdict == "unknown_effect" and told.quoted["phi"].beyond == 0.0
+    assert used.beyond == beyond_list("unknown_effect") > 0.1
+    assert used.std / used.value > used.beyond
+
+
 def test_the_error_of_the_effects_is_in_the_standard_deviations_of_the_answer():
     """With finer cells the effect does something of the strength's own, too."""
     quiet = verdict_document(diagnose(straight(1, {"late": 2.0}), ASKED), case="c", title="t")
@@ -104,7 +126,7 @@ def test_the_error_of_the_effects_is_in_the_standard_deviations_of_the_answer():
     assert grown > 1.2 * quiet.final.std["S_r"] / quiet.final.values["S_r"]
     used = told.quoted["S_r"]
     assert used.value == pytest.approx(told.final.values["S_r"])
-    assert used.std == pytest.approx(told.final.std["S_r"])
+    assert used.std / used.value == pytest.approx(np.hypot(grown, used.beyond), rel=1e-3)
     (inner, outer) = used.intervals["50%"], used.intervals["95%"]
     assert outer[0] < inner[0] < used.value < inner[1] < outer[1]
 
@@ -117,7 +139,10 @@ def test_intervals_hold_the_strength_as_often_as_they_say():
         found = diagnose(straight(seed, effects), replace(ASKED, seed=seed))
         used = verdict_document(found, case="c", title="t").quoted["S_r"]
         for share, (low, high) in used.intervals.items():
-            hits[share].append(low <= 15.0 <= high)
+            # Here the list holds all that can be missing.
+            wide = INTERVALS[float(share[:-1]) / 100.0]
+            own = np.sqrt((0.5 * np.log(high / low)) ** 2 - (wide * used.beyond) ** 2)
+            hits[share].append(abs(np.log(15.0 / np.sqrt(low * high))) <= own)
     for share, level in (("50%", 0.5), ("80%", 0.8), ("95%", 0.95)):
         width = 2.6 * np.sqrt(level * (1.0 - level) / 60)
         assert abs(np.mean(hits[share]) - level) < width, share

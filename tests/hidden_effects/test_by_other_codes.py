@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from benchmarks.generated_pages import around
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Hidden
@@ -20,7 +21,16 @@ from benchmarks.hidden_effects.scoring.digest import WindowDigest
 from benchmarks.hidden_effects.scoring.page_by_codes import draw_all, generated
 from benchmarks.hidden_effects.scoring.regions import regions
 from benchmarks.hidden_effects.scoring.score import Judged
-from benchmarks.studies.strength_by_verdict import PAGE, Slide, shown, slides, worth
+from benchmarks.studies.strength_by_verdict import (
+    PAGE,
+    Slide,
+    beyond,
+    by_other_codes,
+    shown,
+    slides_by_set,
+    widened,
+    worth,
+)
 from diagnosis.question import CodeError, load_diagnosis_question
 from diagnosis.track_record import track_record
 from pipeline.cli import InputError
@@ -261,14 +271,29 @@ def test_a_case_says_what_its_plan_states(tmp_path):
 
 
 def test_the_page_says_how_far_the_strength_was_off():
-    one = Slide("adequate", hidden=False, true=20.0, low=18.0, high=22.0, base=25.0)
-    far = replace(one, verdict="ambiguous", hidden=True, low=32.0, high=50.0)
-    assert one.held and not far.held
-    assert np.exp(far.off) == pytest.approx(2.0) and np.exp(one.base_off) == pytest.approx(1.25)
-    text = shown([one, one, far])
-    assert "| nothing was hidden | 2 | 1 % | 1 % | 25 % | 25 % | 2 |" in text
-    assert "| said: ambiguous | 1 | 100 % | 100 % | 25 % | 25 % | 0 |" in text
-    before, after = around(PAGE, "strength")
-    known = slides()
-    assert shown(known) in PAGE.read_text(encoding="utf-8")[len(before) : -len(after)]
-    assert worth(known) == track_record(), "out of date: see benchmarks.studies.strength_by_verdict"
+    one = Slide("adequate", hidden=False, off=0.01, std=0.05, base_off=np.log(1.25))
+    far = replace(one, verdict="ambiguous", hidden=True, off=np.log(2.0))
+    assert one.held(0.0) and not far.held(0.0) and far.held(0.4)
+    text = shown({"some": [one, one, far]})
+    assert "| nothing was hidden | 2 | 1 % | 1 % | 25 % | 25 % |" in text
+    assert "| said: ambiguous | 1 | 100 % | 100 % | 25 % | 25 % |" in text
+    every = slides_by_set()
+    parts = {"strength": shown(by_other_codes(every)), "widened": widened(every)}
+    for name, part in parts.items():
+        before, after = around(PAGE, name)
+        assert part in PAGE.read_text(encoding="utf-8")[len(before) : -len(after)]
+    assert worth(every) == track_record(), "out of date: see benchmarks.studies.strength_by_verdict"
+
+
+def test_a_strength_is_widened_by_what_is_beyond_the_fits():
+    draw = np.random.default_rng(3)
+    fits, unseen = 0.05, 0.2
+    off = draw.normal(0.0, np.hypot(fits, unseen), 400)
+    found = [Slide("suspect", hidden=True, off=one, std=fits, base_off=one) for one in off]
+    assert beyond(found) == pytest.approx(unseen, abs=0.03)
+    assert beyond([replace(one, off=0.2 * one.off) for one in found]) == 0.0
+    # The score of a Gaussian against its integral of (F - step)^2.
+    x = np.linspace(-3.0, 3.0, 60001)
+    step = x >= 0.1  # the truth, where the middle is at 0
+    want = np.trapezoid((norm.cdf(x, scale=0.2) - step) ** 2, x)
+    assert replace(found[0], off=0.1, std=0.16).crps(0.12) == pytest.approx(want, rel=1e-3)

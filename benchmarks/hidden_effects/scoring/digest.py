@@ -66,6 +66,10 @@ class Digest(StrictDocument):
         default_factory=dict,
         description="parameter -> level -> interval that is quoted; empty in earlier records",
     )
+    beyond: dict[str, float] = Field(
+        default_factory=dict,
+        description="parameter -> of its standard deviation, for what no list holds; 0 before",
+    )
     families: list[str] = Field(
         default_factory=list, description="of the answer, where its members look alike; else empty"
     )
@@ -106,6 +110,7 @@ def digest_of(verdict: Verdict) -> Digest:
             name: {level: (_short(a), _short(b)) for level, (a, b) in used.intervals.items()}
             for name, used in verdict.quoted.items()
         },
+        beyond={name: used.beyond for name, used in verdict.quoted.items() if used.beyond},
         families=list(verdict.answer.families),
         members=verdict.answer.members,
         family_of={
