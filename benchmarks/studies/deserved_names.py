@@ -72,12 +72,17 @@ def is_deserved(one: Judged) -> bool:
     return name_record().chance(figures_of(one)) >= Options().deserved
 
 
+def explains(one: Judged) -> bool:
+    """It has an explanation, given or withheld by an earlier law."""
+    return one.attributed or one.digest.would_explain
+
+
 def holds_truth(one: Judged) -> bool:
     """What was hidden is what was given, or is among the explanations of an ambiguous verdict."""
     hidden = set(one.truth["effects"])
     if one.digest.verdict == "identified" and is_right(one):
         return True
-    answers = [one.digest.effects] if one.digest.verdict == "identified" else one.digest.set_90
+    answers = one.digest.set_90 if one.digest.verdict == "ambiguous" else [one.digest.effects]
     sets = [set(names) for names in answers]
     if "source" not in one.truth:
         return bool(hidden) and hidden in sets
@@ -91,7 +96,7 @@ def given_of(of: str, one: Judged, *, known: bool = True) -> Given:
     """A verdict with an explanation; `known`: what was hidden was on the list."""
     stranger = not known or one.truth["kind"] == "outside"
     hidden = " + ".join(sorted(one.truth["effects"]))
-    named = one.digest.verdict == "identified"
+    named = one.digest.verdict != "ambiguous"
     return Given(of, hidden, stranger, named, figures_of(one), known and holds_truth(one))
 
 
@@ -101,10 +106,10 @@ def given() -> tuple[list[Given], int]:
     for one in SETS:
         verdicts = one.cases()
         strangers += sum(verdict.truth["kind"] == "outside" for verdict in verdicts)
-        found += [given_of(one.words, verdict) for verdict in verdicts if verdict.attributed]
+        found += [given_of(one.words, verdict) for verdict in verdicts if explains(verdict)]
     for twice in load_twice(RECORD):
         for verdict, known in ((twice.by_whole, True), (twice.by_rest, False)):
-            if verdict is not None and verdict.attributed:
+            if verdict is not None and explains(verdict):
                 found.append(given_of(f"{twice.of}, twice", verdict, known=known))
         strangers += twice.by_rest is not None
     return found, strangers

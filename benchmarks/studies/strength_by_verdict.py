@@ -36,7 +36,7 @@ SETS = ("third", "fourth", "fifth", "sixth")
 CLOSED = "physics"
 """The set whose hidden effects are all on the list, but for a few: no measure of what is not."""
 STRENGTH = "residual_strength"
-WIDTHS = [0.025 * step for step in range(25)]
+WIDTHS = [step / 40.0 for step in range(25)]
 """Standard deviations of ln S_r that are tried; as fine as some ten slides can tell."""
 LEAST_HELD = 0.9
 """Share of truths that a 95 % interval must hold: what it may miss in a set that is to come."""

@@ -59,6 +59,9 @@ class Digest(StrictDocument):
     verdict: Verdicts = Field(description="one of five")
     effects: dict[str, float] = Field(description="amplitudes of the answer, by name")
     set_90: list[list[str]] = Field(description="explanations of the 90 % set, best first")
+    would_explain: bool = Field(
+        False, description="the answer explains, and its chance is too small for it to be given"
+    )
     shares: list[float] = Field(
         default_factory=list, description="their probabilities; empty in earlier records"
     )
@@ -105,6 +108,7 @@ def digest_of(verdict: Verdict) -> Digest:
         verdict=verdict.verdict,
         effects={one.name: _short(one.amplitude) for one in verdict.answer.effects},
         set_90=[one.names for one in verdict.answer.set_90],
+        would_explain=verdict.answer.would_explain,
         shares=[_short(one.probability) for one in verdict.answer.set_90],
         quoted={
             name: {level: (_short(a), _short(b)) for level, (a, b) in used.intervals.items()}

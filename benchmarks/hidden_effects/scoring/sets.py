@@ -59,6 +59,9 @@ SETS = (
         "pore_water_second_results",
         "72891d84",
     ),
+    OpenedSet(
+        "pore water, third", "own solver", "pore_water_third", "pore_water_third_results", "21720d92"
+    ),
 )
 HEADER = (
     "set", "slides by", "cases", "nulls: alarm, name", "single things named right",
