@@ -254,11 +254,16 @@ def _thin_in_cells(
                 and part.distance(shapes[other]) < 0.1 * scene.spacing
             ]
             if thick < least and beside:
+                # Of a cell that it shares with soil in which water flows, that soil alone counts.
+                fault = (
+                    "a seal may leak and a drain may not drain"
+                    if stated[name]
+                    else "it leaks: give it a permeability_m_per_s, such as 1e-9"
+                )
                 yield Doubt(
                     f"few cells: {name} beside {' and '.join(beside)} is about {thick:.2g} m "
                     f"thick, {thick / scene.cell_size:.2g} cells of the pore water; in fewer than "
-                    "2 a seal may leak and a drain may not drain; spacing "
-                    f"{0.95 * scene.spacing * thick / least:.2g}",
+                    f"2 {fault}; spacing {0.95 * scene.spacing * thick / least:.2g}",
                     *SPACING,
                 )
 

@@ -168,6 +168,7 @@ def test_a_seal_or_drain_of_less_than_two_cells_is_said_until_the_spacing_suits_
     thin = seamed(0.6, k, **soil)
     (line,) = doubts(thin)
     assert line.startswith("few cells: seam beside sand is about 0.59 m thick, 0.59 cells")
+    assert ("it leaks: give it a permeability_m_per_s" in line) == (k is None)
     assert line.field == ("scene", "spacing")
     assert doubts(thin.changed(spacing=float(line.split("spacing ")[1]))) == []
     assert doubts(seamed(0.6, 5e-4)) == [], "water flows in it much as beside it"

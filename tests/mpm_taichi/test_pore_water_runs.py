@@ -219,6 +219,37 @@ def test_a_soil_may_state_its_own_excess_pressure_whether_it_liquefies_or_not():
     assert run_key(stated, SETTINGS, "cpu") != run_key(wet, SETTINGS, "cpu")
 
 
+def cover(k, level=4.0):
+    """Liquefied sand, 4 m of it, under 2 m of sand in a box, all 4 m wide."""
+    layers = {"loose": (0, 4), "cover": (4, 6)}
+    return scene_from_mapping(
+        {
+            "name": "cover",
+            "domain": {"x_min": 0, "x_max": 4, "y_max": 10, "walls": "closed"},
+            "ground": {"points": [[0, 0], [4, 0]]},
+            "zones": [
+                {"name": name, "material": name, "polygon": [[0, a], [4, a], [4, b], [0, b]]}
+                for name, (a, b) in layers.items()
+            ],
+            "materials": {
+                "loose": {"friction_deg": 0, "cohesion_kpa": 1, "liquefied": True,
+                          "density": 2000, "permeability_m_per_s": 1e-2, "pre_failure": BEFORE},
+                "cover": {"friction_deg": 33, "cohesion_kpa": 1, "permeability_m_per_s": k},
+            },
+            "water_level": level,
+            "spacing": 0.5,
+        }
+    )  # fmt: skip
+
+
+def test_dry_soil_drains_with_any_permeability_and_seals_without():
+    short = SimulationSettings(duration_s=3.0, early_stop=False)
+    runs = simulate([cover(k) for k in (1e-9, 1e-2, None)], short, threads=1)
+    low, high, none = (run.audit["water_expelled_m2"] for run in runs)
+    assert low == pytest.approx(high, rel=1e-3) and low > 0.1
+    assert none == 0.0
+
+
 def test_a_run_whose_flow_cannot_be_solved_ends_with_its_reason(monkeypatch):
     monkeypatch.setattr("mpm_taichi.solver.pore_water.MOST_TURNS", 1)
     (run,) = simulate([bank(permeability_m_per_s=1e-3)], SETTINGS, threads=1)
