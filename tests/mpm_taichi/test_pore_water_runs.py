@@ -250,6 +250,28 @@ def test_dry_soil_drains_with_any_permeability_and_seals_without():
     assert none == 0.0
 
 
+def test_a_stated_excess_pressure_rises_where_soil_yields_at_once():
+    """Level ground, sin(phi) 0.574, K_0 0.43: u over sigma'_v0 as the page says."""
+    dense = {"liquefied": False, "friction_deg": 35, "cohesion_kpa": 0, "density": 2000}
+    found = []
+    for ratio in (0.25, 0.56):
+        level = cover(1e-15, level=8.0)
+        soils = {name: {**soil.model_dump(), **dense, "pre_failure": None,
+                        "permeability_m_per_s": 1e-15, "excess_pressure_ratio": ratio}
+                 for name, soil in level.materials.items()}  # fmt: skip
+        level, us = level.changed(materials=soils), []
+        for end in (2.0, 2.05, 2.1, 2.15, 2.2):  # it swings elastically
+            settings = SimulationSettings(duration_s=end, early_stop=False)
+            (run,) = simulate([level], settings, threads=1)
+            y = run.positions[-1][:, 1]
+            low = (y > 1.0) & (y < 4.0)
+            excess = run.effect_fields["excess_pore_pressure_pa"][low]
+            us.append((excess / (9.81e3 * (6.0 - y[low]))).mean())
+        found.append(np.mean(us))
+    assert found[0] == pytest.approx(0.25 * 1.43 / 2.0, rel=0.03)
+    assert 0.5 < found[1] < 0.6  # it swings, and yields a little more; not 0.4, as r_u s
+
+
 def test_a_run_whose_flow_cannot_be_solved_ends_with_its_reason(monkeypatch):
     monkeypatch.setattr("mpm_taichi.solver.pore_water.MOST_TURNS", 1)
     (run,) = simulate([bank(permeability_m_per_s=1e-3)], SETTINGS, threads=1)
