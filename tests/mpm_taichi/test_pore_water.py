@@ -24,8 +24,9 @@ class Block:
     Its top is `below` the water level [m].
     """
 
-    def __init__(self, width, height, cell, k, *, shut=None, ratio=1.0, loose=0.0, stress=None,
-                 below=0.0):
+    def __init__(
+        self, width, height, cell, k, *, shut=None, ratio=1.0, loose=0.0, stress=None, below=0.0
+    ):
         half = 0.5 * cell
         x = half * (np.arange(round(width / half)) + 0.5)
         y = half * (np.arange(round(height / half)) + 0.5)

@@ -8,6 +8,7 @@ from geometry.scenes.scene import scene_from_mapping, scene_hash
 from gns.data.scene_facts import check_base_physics
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_key
+from mpm_taichi.comparison import water_line
 from mpm_taichi.effects import BY_THE_CLOCK, effects_on, kernel_effects
 from mpm_taichi.effects.framework.between import SettledPoints
 from mpm_taichi.simulate import simulate
@@ -248,6 +249,11 @@ def test_dry_soil_drains_with_any_permeability_and_seals_without():
     low, high, none = (run.audit["water_expelled_m2"] for run in runs)
     assert low == pytest.approx(high, rel=1e-3) and low > 0.1
     assert none == 0.0
+    shut = water_line(runs[-1])
+    assert shut.startswith("Pore water: 0 m³ per metre left the soil, which contracted by ")
+    assert f"to {runs[-1].effect_fields['excess_pore_pressure_pa'].max() / 1e3:.3g} kPa." in shut
+    (dry,) = simulate([cover(1e-2, level=None)], short, threads=1)
+    assert water_line(dry) == ""
 
 
 def test_a_stated_excess_pressure_rises_where_soil_yields_at_once():

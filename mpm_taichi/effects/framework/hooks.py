@@ -56,7 +56,6 @@ from mpm_taichi.layout import (
     ZZ,
     A,
     vec2,
-    vec4,
 )
 from mpm_taichi.materials.law import MaterialLaw
 from mpm_taichi.solver.transfer import mass_weights
