@@ -258,7 +258,7 @@ def _thin_in_cells(
                 fault = (
                     "a seal may leak and a drain may not drain"
                     if stated[name]
-                    else "it leaks: give it a permeability_m_per_s, such as 1e-9"
+                    else "it leaks: give it a permeability_m_per_s of its own"
                 )
                 yield Doubt(
                     f"few cells: {name} beside {' and '.join(beside)} is about {thick:.2g} m "
