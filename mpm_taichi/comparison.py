@@ -310,6 +310,18 @@ def energy_line(run: Run) -> str:
     )
 
 
+def water_line(run: Run) -> str:
+    """What the pore water has done; empty where none flows."""
+    if "water_expelled_m2" not in run.audit:
+        return ""
+    left, freed = (float(run.audit[f"water_{name}_m2"]) for name in ("expelled", "contracted"))
+    excess = run.effect_fields["excess_pore_pressure_pa"] / 1e3
+    return (
+        f"Pore water: {left:.3g} m³ per metre left the soil, which contracted by {freed:.3g}; "
+        f"excess pressure at the end {excess.min():.3g} to {excess.max():.3g} kPa."
+    )
+
+
 # --- files ---
 
 

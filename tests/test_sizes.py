@@ -18,14 +18,14 @@ WITHOUT_ROOMS = {"pipeline"}
 # drawn section (geometry/dimensions, inversion/new_case), pore water (mpm_taichi/solver), one
 # relation over several slides (inversion/joint), a posterior and a deposit in plan in three
 # dimensions (inversion/posterior, prediction), the studio with drawing, jobs and bodies
-# (flowslide/studio).
+# (flowslide/studio). Since then: what a section with pore water lacks (geometry/scenes, 40 lines).
 LINES = {
     "pipeline": 2500,
     "geometry": 11220,
     "geometry/*.py": 360,
     "geometry/dimensions": 730,
     "geometry/random_scenes": 1830,
-    "geometry/scenes": 2820,
+    "geometry/scenes": 2860,
     "geometry/scenes3d": 570,
     "geometry/survey": 3850,
     "geometry/survey3d": 770,

@@ -76,6 +76,8 @@ def run(arguments: argparse.Namespace) -> None:
         sep="\n\n",
     )
     print(comparison.energy_line(done.run))
+    if water := comparison.water_line(done.run):
+        print(water)
     print(f"Picture: {out / 'runout.png'}; numbers: {out / 'observables.csv'}", end="")
     print("" if film == "none" else f"; film: {out / 'runout'}.{film}")
 

@@ -6,11 +6,12 @@ sections, small ones and soil that hangs over exist, if rarely.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from shapely import bounds, get_parts, length
 from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
 from geometry.scenes.polygon_checks import is_crowded, on_verticals
@@ -178,7 +179,7 @@ def soil_doubts(scene: Scene) -> Iterator[Doubt]:
 
 
 def water_doubts(scene: Scene) -> Iterator[Doubt]:
-    """Lines on seals and drains thinner than cells of pore water, and on pressure in dry soil."""
+    """Lines on permeabilities that do nothing or are missing, thin seals and drains, dry r_u."""
     used = {zone.material for zone in scene.zones}
     stated = {name: scene.materials[name].permeability_m_per_s or 0.0 for name in used}
     if not any(stated.values()):  # nor has any soil an excess pressure of its own then
@@ -187,6 +188,58 @@ def water_doubts(scene: Scene) -> Iterator[Doubt]:
         name: unary_union([Polygon(one.polygon) for one in scene.zones if one.material == name])
         for name in sorted(used)
     }
+    flows = [name for name in shapes if stated[name] and _is_wet(scene, shapes[name])]
+    if not flows:
+        name = min(name for name in used if stated[name])
+        why = "no soil that has one lies below the phreatic line" if scene.has_water else "no water"
+        yield Doubt(f"permeability_m_per_s does nothing: {why}", *_of(name, "permeability_m_per_s"))
+        return
+    yield from _lacking(scene, shapes, flows)
+    yield from _thin_in_cells(scene, shapes, stated)
+    for name, shape in shapes.items():
+        if scene.materials[name].excess_pressure_ratio and not _is_wet(scene, shape):
+            words = "excess_pressure_ratio of soil above the water does nothing"
+            yield Doubt(f"{name}: {words}", *_of(name, "excess_pressure_ratio"))
+
+
+def _of(soil: str, field: str) -> tuple[str, ...]:
+    """The field of a soil."""
+    return "scene", "materials", soil, field
+
+
+def _is_wet(scene: Scene, shape: BaseGeometry) -> bool:
+    """A vertex of the shape lies below the phreatic line."""
+    x, y = np.concatenate([p.exterior.xy for p in getattr(shape, "geoms", [shape])], axis=1)
+    return scene.has_water and bool((y < scene.phreatic_level(x)).any())
+
+
+def _lacking(
+    scene: Scene, shapes: Mapping[str, BaseGeometry], flows: Sequence[str]
+) -> Iterator[Doubt]:
+    """Soil that regains no strength, and sand without a permeability beside what has one."""
+    for name, shape in shapes.items():
+        soil = scene.materials[name]
+        if (
+            name in flows
+            and soil.liquefied
+            and not (soil.pre_failure and soil.pre_failure.friction_deg)
+        ):
+            words = "without pre_failure.friction_deg it keeps S_r, however much water leaves it"
+            yield Doubt(f"{name}: {words}", *_of(name, "pre_failure"))
+        if soil.permeability_m_per_s is None and (soil.liquefied or soil.friction_deg > 0.0):
+            beside = [one for one in flows if shape.distance(shapes[one]) < 0.1 * scene.spacing]
+            if beside:
+                yield Doubt(
+                    f"{name}: without permeability_m_per_s it seals {' and '.join(beside)}, "
+                    "wet or dry",
+                    *_of(name, "permeability_m_per_s"),
+                )
+
+
+def _thin_in_cells(
+    scene: Scene, shapes: Mapping[str, BaseGeometry], stated: Mapping[str, float]
+) -> Iterator[Doubt]:
+    """Seals and drains thinner than cells of the pore water."""
     least = WATER_CELLS * scene.cell_size
     for name, shape in shapes.items():
         if is_crowded(shape, scene.spacing):
@@ -200,19 +253,19 @@ def water_doubts(scene: Scene) -> Iterator[Doubt]:
                 and _seals_or_drains(stated[name], stated[other])
                 and part.distance(shapes[other]) < 0.1 * scene.spacing
             ]
-            if thick < least and beside and scene.has_water:
+            if thick < least and beside:
+                # Of a cell that it shares with soil in which water flows, that soil alone counts.
+                fault = (
+                    "a seal may leak and a drain may not drain"
+                    if stated[name]
+                    else "it leaks: give it a permeability_m_per_s of its own"
+                )
                 yield Doubt(
                     f"few cells: {name} beside {' and '.join(beside)} is about {thick:.2g} m "
                     f"thick, {thick / scene.cell_size:.2g} cells of the pore water; in fewer than "
-                    "2 a seal may leak and a drain may not drain; spacing "
-                    f"{0.95 * scene.spacing * thick / least:.2g}",
+                    f"2 {fault}; spacing {0.95 * scene.spacing * thick / least:.2g}",
                     *SPACING,
                 )
-    for name, shape in shapes.items():
-        x, y = np.concatenate([p.exterior.xy for p in getattr(shape, "geoms", [shape])], axis=1)
-        if scene.materials[name].excess_pressure_ratio and not (y < scene.phreatic_level(x)).any():
-            words = "excess_pressure_ratio of soil above the water does nothing"
-            yield Doubt(f"{name}: {words}", "scene", "materials", name, "excess_pressure_ratio")
 
 
 def _seals_or_drains(own: float, other: float) -> bool:

@@ -349,6 +349,7 @@ class BackAnalysis:
         for line in (
             *result_builder.doubts(prediction, self.case.setup.settings),
             *result_builder.few_points(self.case.setup),
+            *result_builder.simulated_with(self.case.setup),
             *prediction.remarks,
         ):
             self.remark(line)

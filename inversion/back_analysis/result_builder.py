@@ -37,6 +37,7 @@ from inversion.estimation.search import Evaluation, SearchResult
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.layers import estimate, layers_of
 from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
+from mpm_taichi.effects import effects_on
 from pipeline.config import SimulationSettings
 
 #: Source of the scatter over jitter seeds among the sources of uncertainty.
@@ -129,6 +130,12 @@ def measurements(objective: Objective, prediction: Prediction) -> list[Measureme
 def few_points(setup: Setup) -> list[str]:
     """Lines on liquefied layers of few rows of points; of a section alone."""
     return [*thin_layers(setup.scene)] if isinstance(setup, SectionSetup) else []
+
+
+def simulated_with(setup: Setup) -> list[str]:
+    """Lines on the effects that the scene has on; of a section alone."""
+    active = effects_on(setup.scene) if isinstance(setup, SectionSetup) else ()
+    return [f"simulated with {one.label}: {one.effect.words}" for one in active]
 
 
 def doubts(prediction: Prediction, settings: SimulationSettings) -> list[str]:

@@ -150,6 +150,7 @@ def seamed(thick: float, seam_k: float | None, **soil: float) -> Scene:
                 "sand": {
                     "friction_deg": 0, "cohesion_kpa": 9, "liquefied": True,
                     "permeability_m_per_s": 1e-4,
+                    "pre_failure": {"friction_deg": 32, "cohesion_kpa": 60},
                 },
                 "seam": {
                     "friction_deg": 33, "cohesion_kpa": 0, "permeability_m_per_s": seam_k, **soil,
@@ -163,13 +164,47 @@ def seamed(thick: float, seam_k: float | None, **soil: float) -> Scene:
 
 @pytest.mark.parametrize("k", [None, 1e-7, 1e-2])
 def test_a_seal_or_drain_of_less_than_two_cells_is_said_until_the_spacing_suits_it(k):
-    thin = seamed(0.6, k)
+    soil = {} if k else {"friction_deg": 0, "cohesion_kpa": 20}  # clay may be meant to seal
+    thin = seamed(0.6, k, **soil)
     (line,) = doubts(thin)
     assert line.startswith("few cells: seam beside sand is about 0.59 m thick, 0.59 cells")
+    assert ("it leaks: give it a permeability_m_per_s" in line) == (k is None)
     assert line.field == ("scene", "spacing")
     assert doubts(thin.changed(spacing=float(line.split("spacing ")[1]))) == []
     assert doubts(seamed(0.6, 5e-4)) == [], "water flows in it much as beside it"
-    assert doubts(seamed(2.2, k)) == []
+    assert doubts(seamed(2.2, k, **soil)) == []
+
+
+def test_a_permeability_that_does_nothing_is_said():
+    wet = seamed(2.5, 1e-4)
+    assert doubts(wet) == []
+    for level, why in ((None, "no water"), (0.0, "no soil that has one lies below")):
+        (line,) = doubts(wet.changed(water_level=level))
+        assert line.startswith(f"permeability_m_per_s does nothing: {why}")
+    (line,) = doubts(wet.changed(water_level=0.0, materials=_with(wet, "seam", None)))
+    assert line.field == ("scene", "materials", "sand", "permeability_m_per_s")
+
+
+def test_sand_without_a_permeability_is_said_to_seal_wet_or_dry():
+    wet = seamed(2.5, None)
+    for level in (8.0, 4.0):  # dry sand holds the water up as well
+        (line,) = doubts(wet.changed(water_level=level))
+        assert line == "seam: without permeability_m_per_s it seals sand, wet or dry"
+    assert doubts(seamed(2.5, None, friction_deg=0, cohesion_kpa=20)) == [], "clay"
+
+
+def test_liquefied_soil_that_regains_no_strength_is_said():
+    wet = seamed(2.5, 1e-4)
+    for before in (None, {"friction_deg": 0, "cohesion_kpa": 60}):
+        (line,) = doubts(wet.changed(materials=_with(wet, "sand", 1e-4, pre_failure=before)))
+        assert line.startswith("sand: without pre_failure.friction_deg it keeps S_r")
+        assert line.field == ("scene", "materials", "sand", "pre_failure")
+
+
+def _with(scene: Scene, name: str, k: float | None, **soil: object) -> dict:
+    soils = {one: found.model_dump() for one, found in scene.materials.items()}
+    soils[name] |= {"permeability_m_per_s": k, **soil}
+    return soils
 
 
 def test_excess_pressure_of_dry_soil_is_said():

@@ -16,8 +16,26 @@ from geometry.survey.toe_history import ToeHistory
 from inversion.back_analysis import result_builder
 from inversion.engines.content_store import read_arrays, write_arrays
 from inversion.engines.run_store import KeptRun, RunStore, arrays_of_run, run_of_arrays
-from inversion.estimation.forward import HistoryReader, Prediction
+from inversion.estimation.forward import HistoryReader, Prediction, SectionSetup
 from pipeline.config import SimulationSettings
+
+
+def test_the_effects_of_the_section_are_among_the_remarks():
+    scene = scene_from_mapping(
+        {
+            "name": "block",
+            "domain": {"x_min": 0, "x_max": 9, "y_max": 9},
+            "ground": {"points": [[0, 0], [9, 0]]},
+            "zones": [{"name": "a", "material": "a", "polygon": [[2, 0], [6, 0], [6, 4], [2, 4]]}],
+            "materials": {"a": {"friction_deg": 0, "cohesion_kpa": 2, "liquefied": True}},
+            "spacing": 1.0,
+        }
+    )
+    setup = SectionSetup(scene, SimulationSettings(), None, None, {})
+    assert result_builder.simulated_with(setup) == []
+    shaken = scene.changed(effects={"shaking": 0.2})
+    (line,) = result_builder.simulated_with(replace(setup, scene=shaken))
+    assert line.startswith("simulated with shaking 0.2 g: the ground went on shaking")
 
 
 @pytest.fixture

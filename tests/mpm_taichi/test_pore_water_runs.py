@@ -8,6 +8,7 @@ from geometry.scenes.scene import scene_from_mapping, scene_hash
 from gns.data.scene_facts import check_base_physics
 from mpm_taichi import simulate as simulation
 from mpm_taichi.batch import run_key
+from mpm_taichi.comparison import water_line
 from mpm_taichi.effects import BY_THE_CLOCK, effects_on, kernel_effects
 from mpm_taichi.effects.framework.between import SettledPoints
 from mpm_taichi.simulate import simulate
@@ -217,6 +218,64 @@ def test_a_soil_may_state_its_own_excess_pressure_whether_it_liquefies_or_not():
     wet = bank(permeability_m_per_s=1e-5)
     stated = bank(permeability_m_per_s=1e-5, excess_pressure_ratio=0.3)
     assert run_key(stated, SETTINGS, "cpu") != run_key(wet, SETTINGS, "cpu")
+
+
+def cover(k, level=4.0):
+    """Liquefied sand, 4 m of it, under 2 m of sand in a box, all 4 m wide."""
+    layers = {"loose": (0, 4), "cover": (4, 6)}
+    return scene_from_mapping(
+        {
+            "name": "cover",
+            "domain": {"x_min": 0, "x_max": 4, "y_max": 10, "walls": "closed"},
+            "ground": {"points": [[0, 0], [4, 0]]},
+            "zones": [
+                {"name": name, "material": name, "polygon": [[0, a], [4, a], [4, b], [0, b]]}
+                for name, (a, b) in layers.items()
+            ],
+            "materials": {
+                "loose": {"friction_deg": 0, "cohesion_kpa": 1, "liquefied": True,
+                          "density": 2000, "permeability_m_per_s": 1e-2, "pre_failure": BEFORE},
+                "cover": {"friction_deg": 33, "cohesion_kpa": 1, "permeability_m_per_s": k},
+            },
+            "water_level": level,
+            "spacing": 0.5,
+        }
+    )  # fmt: skip
+
+
+def test_dry_soil_drains_with_any_permeability_and_seals_without():
+    short = SimulationSettings(duration_s=3.0, early_stop=False)
+    runs = simulate([cover(k) for k in (1e-9, 1e-2, None)], short, threads=1)
+    low, high, none = (run.audit["water_expelled_m2"] for run in runs)
+    assert low == pytest.approx(high, rel=1e-3) and low > 0.1
+    assert none == 0.0
+    shut = water_line(runs[-1])
+    assert shut.startswith("Pore water: 0 m³ per metre left the soil, which contracted by ")
+    assert f"to {runs[-1].effect_fields['excess_pore_pressure_pa'].max() / 1e3:.3g} kPa." in shut
+    (dry,) = simulate([cover(1e-2, level=None)], short, threads=1)
+    assert water_line(dry) == ""
+
+
+def test_a_stated_excess_pressure_rises_where_soil_yields_at_once():
+    """Level ground, sin(phi) 0.574, K_0 0.43: u over sigma'_v0 as the page says."""
+    dense = {"liquefied": False, "friction_deg": 35, "cohesion_kpa": 0, "density": 2000}
+    found = []
+    for ratio in (0.25, 0.56):
+        level = cover(1e-15, level=8.0)
+        soils = {name: {**soil.model_dump(), **dense, "pre_failure": None,
+                        "permeability_m_per_s": 1e-15, "excess_pressure_ratio": ratio}
+                 for name, soil in level.materials.items()}  # fmt: skip
+        level, us = level.changed(materials=soils), []
+        for end in (2.0, 2.05, 2.1, 2.15, 2.2):  # it swings elastically
+            settings = SimulationSettings(duration_s=end, early_stop=False)
+            (run,) = simulate([level], settings, threads=1)
+            y = run.positions[-1][:, 1]
+            low = (y > 1.0) & (y < 4.0)
+            excess = run.effect_fields["excess_pore_pressure_pa"][low]
+            us.append((excess / (9.81e3 * (6.0 - y[low]))).mean())
+        found.append(np.mean(us))
+    assert found[0] == pytest.approx(0.25 * 1.43 / 2.0, rel=0.03)
+    assert 0.5 < found[1] < 0.6  # it swings, and yields a little more; not 0.4, as r_u s
 
 
 def test_a_run_whose_flow_cannot_be_solved_ends_with_its_reason(monkeypatch):
