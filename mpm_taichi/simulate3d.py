@@ -24,7 +24,7 @@ from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d import layout
 from mpm_taichi.solver3d.initial_state import Arrays3d
 from mpm_taichi.solver3d.kernels import DRIFT, build_kernels
-from mpm_taichi.solver3d.problem import Problem3d
+from mpm_taichi.solver3d.problem import Problem3d, refuse_flowing_water
 from mpm_taichi.trajectory3d import Run3d
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
@@ -91,13 +91,7 @@ def refuse_problem(problem: Problem3d, settings: SimulationSettings) -> None:
             f"{problem.name}: materials: strength_ratio: is of the stress before failure, which "
             "initial_stress 'gravity_on' leaves out; allowed are settled, k0"
         )
-    if problem.water is not None and any(
-        soil.permeability_m_per_s is not None for soil in problem.materials
-    ):
-        raise InputError(
-            f"{problem.name}: materials: permeability_m_per_s: pore water does not flow in three "
-            "dimensions; leave it out, or simulate a section"
-        )
+    refuse_flowing_water(problem)
     sloping = problem.water is not None and np.ptp(problem.water.values) > 0.0
     if sloping and settings.water == "pore_pressure" and settings.water_face == "moving":
         raise InputError(

@@ -228,7 +228,9 @@ class CandidateVerdict(StrictDocument):
     visible_fraction: float | None = Field(
         description="share of its signature that no change of the parameters imitates"
     )
-    smallest_detectable: float | None = Field(description="amplitude found with near certainty")
+    smallest_detectable: float | None = Field(
+        description="amplitude found with near certainty; null: none between its bounds"
+    )
     strength_bias_if_missed: dict[str, float] = Field(
         description="parameter -> change [%] that it hides while it remains undetected"
     )

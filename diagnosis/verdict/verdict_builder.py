@@ -245,7 +245,9 @@ def _tested(
         p_family=scores.p_family[name],
         amplitude_by_score=best.amplitude,
         visible_fraction=seen.fraction,
-        smallest_detectable=seen.smallest,
+        smallest_detectable=(
+            seen.smallest if candidate.low <= seen.smallest <= candidate.high else None
+        ),
         strength_bias_if_missed=dict(seen.bias),
         resolved=(
             all(cosine >= options.same_signature for cosine in cosines.values())

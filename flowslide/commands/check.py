@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="scene files, folders with a scene.yaml or with NNNNN.json files, or names of cases",
     )
     parser.add_argument("--quiet", action="store_true", help="print the sum only")
+    options.add_effects(parser)
     options.add_measurements_code(parser)
 
 
@@ -39,6 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
     from geometry.random_scenes.sketch import signed_area
     from geometry.scenes.fill import fill
     from geometry.scenes.scene import load_scene, scene_files
+    from mpm_taichi.effects import effects_on
 
     solid = [text for text in arguments.scenes if options.is_3d(text)]
     for text in solid:
@@ -50,6 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
     points_in_all, draws, worst = 0, 0, 0.0
     for number, path in enumerate(paths):
         scene = load_scene(path)
+        effects_on(scene, str(path))
         measurements = measurements_beside(path, scene)
         if measurements is not None and (path.parent / "inversion.yaml").is_file():
             api.load_question(path.parent)
@@ -97,10 +100,11 @@ def _check_3d(text: str) -> None:
     from geometry.scenes3d.fill3d import drawn_volume, volume_left_out
     from geometry.scenes3d.scene3d import load_scene_3d
     from geometry.survey3d.survey import FILE_NAME, load_survey
-    from mpm_taichi.solver3d.problem import problem_of
+    from mpm_taichi.solver3d.problem import problem_of, refuse_flowing_water
 
     scene = load_scene_3d(text)
     problem = problem_of(scene)
+    refuse_flowing_water(problem)
     x_min, x_max, y_min, y_max, _ = problem.domain
     print(
         f"{problem.name}: three-dimensional, {len(problem.position)} points, "

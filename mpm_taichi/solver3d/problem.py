@@ -146,6 +146,17 @@ def has_sloping_water(scene: Scene3d) -> bool:
     return water is not None and bool(np.ptp(water.values) > 0.0)
 
 
+def refuse_flowing_water(problem: Problem3d) -> None:
+    """Refuse pore water that flows in one line: in three dimensions it does not."""
+    if problem.water is not None and any(
+        soil.permeability_m_per_s is not None for soil in problem.materials
+    ):
+        raise InputError(
+            f"{problem.name}: materials: permeability_m_per_s: pore water does not flow in three "
+            "dimensions; leave it out, or simulate a section"
+        )
+
+
 def problem_of(scene: Scene3d) -> Problem3d:
     """The problem of a scene: its points, base and water.
 

@@ -161,3 +161,18 @@ def test_check_says_what_is_too_thin_to_be_held(tmp_path, capsys, make_scene):
     save_scene(make_scene([berm], spacing=0.5), tmp_path / "scene.yaml")
     main(["check", str(tmp_path / "scene.yaml")])
     assert "m² of soil are thinner than half a spacing" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        ({"weak_bse": 0.3}, "effect 'weak_bse' is unknown"),
+        ({"weak_base": -1.0}, "weak_base: amplitude -1: allowed are"),
+        ({"pool_level": 1.0}, "pool_level: can do nothing in this scene"),
+    ],
+)
+def test_check_refuses_the_effects_that_simulate_refuses(tmp_path, config, effects, words):
+    scene = draw_scene(config, "small", 3).changed(effects=effects)
+    save_scene(scene, tmp_path / "scene.yaml")
+    with pytest.raises(InputError, match=words):
+        main(["check", str(tmp_path / "scene.yaml")])

@@ -60,7 +60,11 @@ SETS = (
         "72891d84",
     ),
     OpenedSet(
-        "pore water, third", "own solver", "pore_water_third", "pore_water_third_results", "21720d92"
+        "pore water, third",
+        "own solver",
+        "pore_water_third",
+        "pore_water_third_results",
+        "21720d92",
     ),
 )
 HEADER = (
