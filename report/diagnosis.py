@@ -118,6 +118,8 @@ def summary(document: Document, folder: str | Path) -> str:
     if verdict is not None:
         parts += [tables.steps_table(verdict.steps).text(), words.validation_sentence(data)]
         parts.append(tables.next_table(verdict.next_measurement).text())
+        parts.append(words.refuted_sentence(data))
+        parts.append(tables.outcomes_table(verdict.next_measurement).text())
     parts.append(words.error_sentence(data))
     if document.runs.cut_short:
         skipped = ", ".join(document.runs.cut_short)
@@ -365,7 +367,13 @@ def _next(data: DiagnosisData) -> PageSection:
         "Gain: expected squared separation by it and all above it, in variances of the new "
         "measurements and of the models."
     )
-    return PageSection(title, [*said([see]), *tabulated(tables.next_table(found)), *said([error])])
+    refuted = words.refuted_sentence(data)
+    shown = [*tabulated(tables.next_table(found)), *said([refuted])]
+    readings = tables.outcomes_table(found)
+    return PageSection(
+        title,
+        [*said([see]), *shown, *(tabulated(readings) if readings.rows else []), *said([error])],
+    )
 
 
 def _checklist(data: DiagnosisData) -> PageSection:

@@ -62,7 +62,7 @@ LINES = {
     "diagnosis/hypotheses": 2510,
     "diagnosis/selection": 2950,
     "diagnosis/signatures": 600,
-    "diagnosis/verdict": 1780,
+    "diagnosis/verdict": 1790,
     "report": 13110,
     "report/*.py": 3170,
     "report/charts": 3050,

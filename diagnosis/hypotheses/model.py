@@ -184,12 +184,16 @@ class Proposal:
         words: what, where or when, how well.
         index: places of its numbers in the answer of `Proposing.propose`.
         covariance: of the survey's errors, (n, n) for its n numbers.
+        parts: names of its numbers, (n,); empty where it has one.
+        unit: of its numbers.
     """
 
     name: str
     words: str
     index: tuple[int, ...]
     covariance: np.ndarray
+    parts: tuple[str, ...] = ()
+    unit: str = ""
 
 
 @runtime_checkable

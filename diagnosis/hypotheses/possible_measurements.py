@@ -41,4 +41,6 @@ def proposal_of(entry: Measured, first: int) -> Proposal:
         words=f"{name}, to {entry.std:g} {with_signs(entry.unit)}",
         index=tuple(range(first, first + len(entry.values))),
         covariance=entry.covariance(),
+        parts=tuple(entry.parts) if len(entry.values) > 1 else (),
+        unit=entry.unit,
     )

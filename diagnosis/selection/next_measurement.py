@@ -9,9 +9,13 @@ measurement, survey and model together,
 is the expected separation in squared standard deviations. Measurements are chosen greedily: the
 second is the one that adds most to the first.
 
-Where one explanation alone survives, the rivals are it and the next most probable. Where that is
-the base model, they are it and each candidate at the amplitude that would just be found: the
-measurement that would have shown most of what may still hide.
+Where one explanation alone survives, the measurement is its test: it is held against each of the
+next most probable, not these against each other. Where that is the base model, they are it and each
+candidate at the amplitude that would just be found: the measurement that would have shown most of
+what may still hide.
+
+With every measurement goes what each rival says that it would read: what lies outside all of these
+refutes them all.
 
 Predictions of what has not been measured are read from runs that were made for other reasons: no
 run is asked for.
@@ -42,11 +46,28 @@ from pipeline.ties import largest_place
 
 #: Explanations with less probability are not worth telling apart, and no more than this many are.
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
+#: Weight of what an explanation is held against, where only it is to be told from each of them.
+AGAINST = 1e-3
 #: A proposal that a larger share of the runs cannot read is none.
 MOST_UNREAD = 0.1
 #: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
 #: of its slopes, of their products, and of what these do not describe.
 UNKNOWN = (300.0, 60.0, 20.0, 1.5)
+
+
+@dataclass(frozen=True)
+class ExpectedReading:
+    """What an explanation says that a measurement would read.
+
+    Attributes:
+        names: effects of the explanation.
+        values: (n,) in the measurement's unit.
+        std: of the difference to what is read, by the model, its unknowns and the survey, (n,).
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    std: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -56,10 +77,12 @@ class Suggestion:
     Attributes:
         proposal: what it is.
         gain: with all that were suggested before it, in squared standard deviations.
+        outcomes: by the rivals that it tells apart, the most probable first.
     """
 
     proposal: Proposal
     gain: float
+    outcomes: tuple[ExpectedReading, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -156,11 +179,32 @@ def suggest(
         return []
     rivals = _survivors(readable, comparison, tried_models, decision)
     if len(rivals) == 1 and rivals[0].names:  # the answer, and what comes next to it
-        rivals = _survivors(readable, comparison, tried_models, decision, least=0.0)[:2]
+        rivals = one_against(_survivors(readable, comparison, tried_models, decision, least=0.0))
+    said = rivals
     if len(rivals) < 2:
         rivals = _hidden(readable, comparison, explanation, options)
+        said = rivals[:1]  # what candidates that were not fitted would do is only its direction
     error = proposal_error(readable, comparison, options)
-    return greedy(readable.proposals, rivals, error, count)
+    return [
+        replace(one, outcomes=outcomes(one.proposal, said, error))
+        for one in greedy(readable.proposals, rivals, error, count)
+    ]
+
+
+def one_against(rivals: Sequence[Rival]) -> list[Rival]:
+    """The first with all its weight against each of the others."""
+    return [replace(one, weight=AGAINST if place else 1.0) for place, one in enumerate(rivals)]
+
+
+def outcomes(
+    proposal: Proposal, rivals: Sequence[Rival], error: np.ndarray
+) -> tuple[ExpectedReading, ...]:
+    """What rivals say of a measurement; `error`: C_new of all proposals, (q, q)."""
+    index = list(proposal.index)
+    return tuple(
+        ExpectedReading(one.names, one.mean[index], np.sqrt(np.diag(error + one.covariance)[index]))
+        for one in rivals
+    )
 
 
 def proposal_error(model: Proposes, comparison: Comparison, options: Options) -> np.ndarray:

@@ -301,6 +301,14 @@ class UnknownCurve(StrictDocument):
     ln_evidence: dict[str, float] = Field(description="variable -> gain over the model before")
 
 
+class PredictedReading(StrictDocument):
+    """What an explanation says that a measurement would read."""
+
+    names: list[str] = Field(description="its effects; empty: the base model")
+    values: list[float] = Field(description="of the measurement's numbers")
+    std: list[float] = Field(description="of the difference to what is read")
+
+
 class NextMeasurement(StrictDocument):
     """A measurement that would tell the surviving explanations apart."""
 
@@ -308,6 +316,14 @@ class NextMeasurement(StrictDocument):
     words: str = Field(description="what, where or when, how well")
     gain: float = Field(
         description="expected separation by it and those before it, in squared standard deviations"
+    )
+    parts: list[str] = Field(
+        default_factory=list, description="names of its numbers; empty: it has one"
+    )
+    unit: str = Field("", description="of its numbers")
+    outcomes: list[PredictedReading] = Field(
+        default_factory=list,
+        description="by the explanations, the most probable first; empty in earlier files",
     )
 
 

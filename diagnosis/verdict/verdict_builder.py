@@ -426,7 +426,19 @@ def curve_part(found: FoundCurve) -> verdict.UnknownCurve:
 def next_part(suggested: Sequence[Suggestion]) -> list[verdict.NextMeasurement]:
     """What to measure next."""
     return [
-        verdict.NextMeasurement(name=one.proposal.name, words=one.proposal.words, gain=one.gain)
+        verdict.NextMeasurement(
+            name=one.proposal.name,
+            words=one.proposal.words,
+            gain=one.gain,
+            parts=list(one.proposal.parts),
+            unit=one.proposal.unit,
+            outcomes=[
+                verdict.PredictedReading(
+                    names=list(said.names), values=said.values.tolist(), std=said.std.tolist()
+                )
+                for said in one.outcomes
+            ],
+        )
         for one in suggested
     ]
 

@@ -17,7 +17,9 @@ from diagnosis.verdict.verdict import (
     CandidateVerdict,
     FittedModelSummary,
     MeasurementVerdict,
+    NextMeasurement,
     ParameterWords,
+    PredictedReading,
     QuotedValue,
     Verdict,
     WaterfallStep,
@@ -74,6 +76,29 @@ def shortened(name: str, width: int) -> str:
 def explanation(names: list[str]) -> str:
     """Effects that act together, in words."""
     return " with ".join(map(spoken, names)) if names else "no effect, the base model"
+
+
+def reading_words(entry: NextMeasurement, said: PredictedReading) -> str:
+    """What a measurement would read, with a standard deviation."""
+    numbers = [plus_minus(*pair, entry.unit) for pair in zip(said.values, said.std, strict=True)]
+    parts = entry.parts or [""] * len(numbers)
+    return ", ".join(f"{part} {text}".strip() for part, text in zip(parts, numbers, strict=True))
+
+
+def refuted_sentence(data: DiagnosisData) -> str:
+    """How an explanation could be refuted: by the first measurement that is proposed."""
+    found = data.verdict
+    if found is None or not found.next_measurement or not found.next_measurement[0].outcomes:
+        return ""
+    first = found.next_measurement[0]
+    said = first.outcomes[0]
+    claim = explanation(said.names) if said.names else "the base model"
+    others = "" if len(first.outcomes) == 1 else "; one outside all that is below refutes them all"
+    return (
+        f"How this could be refuted: {first.words or first.name}. With {claim} it would read "
+        f"{reading_words(first, said)}. A reading more than two of these standard deviations away "
+        f"is against it{others}."
+    )
 
 
 def off(stage: FittedModelSummary) -> float:

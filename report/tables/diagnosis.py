@@ -39,6 +39,7 @@ from report.sentences.diagnosis import (
     off,
     off_held_out,
     quoted_value,
+    reading_words,
     spoken,
     step_words,
 )
@@ -383,6 +384,16 @@ def next_table(entries: Sequence[NextMeasurement]) -> Table:
         [n.words or n.name, number(n.gain), f"{math.sqrt(max(n.gain, 0.0)):.1f}"] for n in entries
     ]
     return Table(["measure next", "gain, with those above", "expected separation (std)"], rows)
+
+
+def outcomes_table(entries: Sequence[NextMeasurement]) -> Table:
+    """What each explanation says that these measurements would read."""
+    rows = [
+        [n.name, explanation(said.names), reading_words(n, said)]
+        for n in entries
+        for said in n.outcomes
+    ]
+    return Table(["measurement", "if it is", "it would read"], rows)
 
 
 def provenance_table(data: DiagnosisData) -> Table:

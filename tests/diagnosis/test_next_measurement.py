@@ -19,6 +19,8 @@ from diagnosis.selection.next_measurement import (
     Readable,
     Rival,
     greedy,
+    one_against,
+    outcomes,
     proposal_error,
     read_at,
     separation,
@@ -68,6 +70,21 @@ def test_one_explanation_needs_no_telling_apart():
 
 
 # --- greedy choice ---
+
+
+def test_the_test_of_an_answer_is_held_against_each_of_the_others():
+    rivals = [rival([0.0, 0.0], 0.98), rival([3.0, 1.5], 0.01), rival([-3.0, 1.5], 0.01)]
+    # The first number tells the others apart best, 6 of 3 and 3; the answer from both the second.
+    assert separation(rivals[1:], np.eye(2), [0]) == pytest.approx(36.0)
+    found = separation(one_against(rivals), np.eye(2), [0])
+    assert found == pytest.approx(9.0, rel=0.01)
+
+
+def test_a_measurement_says_what_each_explanation_would_read():
+    rivals = [rival([5.0, 1.0], spread=0.5), rival([2.0, 4.0], spread=1.5)]
+    one, two = outcomes(proposal("marker", 1, 0), rivals, np.diag([1.0, 2.0]))
+    assert one.values == pytest.approx([1.0, 5.0]) and two.values == pytest.approx([4.0, 2.0])
+    assert two.std == pytest.approx(np.sqrt([3.5, 2.5]))
 
 
 def test_the_second_measurement_is_not_the_first_once_more():
@@ -168,6 +185,15 @@ def test_what_tells_the_survivors_apart_comes_first(order):
     assert suggested[0].proposal.name == "what tells them apart"
     # The two effects are about 1.5 each, so the numbers differ by about 6 standard deviations.
     assert suggested[0].gain > 10.0
+    by_each = suggested[0].outcomes
+    assert [one.names for one in by_each[:2]] in (
+        [("bend",), ("like_bend",)],
+        [("like_bend",), ("bend",)],
+    )
+    said = {one.names: float(one.values[0]) for one in by_each}
+    assert said[("bend",)] == pytest.approx(3.0, abs=0.6)  # 2 x 1.5; the other has the other sign
+    assert said[("like_bend",)] == pytest.approx(-3.0, abs=0.9)
+    assert all(1.0 <= float(one.std[0]) < 1.5 for one in by_each), "the survey's own is 1"
     runs = model.computed
     assert [one.gain for one in next_measurements(found, 3)] == gains_of(suggested)
     assert model.computed == runs, "no run is asked for"
@@ -181,6 +207,7 @@ def test_where_the_model_is_adequate_it_is_what_would_have_shown_most():
     first, second = found.next_measurement
     assert first.proposal.name == "sees late motion" and first.gain > 1.0
     assert second.gain == pytest.approx(first.gain, rel=1e-6), "the blind one adds nothing"
+    assert [one.names for one in first.outcomes] == [()], "what it reads if nothing hides"
 
 
 def test_numbers_that_were_not_measured_are_read_from_the_runs():

@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Suggest, print."""
     from diagnosis.verdict.verdict_builder import next_part, sentence
     from flowslide import api
-    from report.tables.diagnosis import next_table
+    from report.tables.diagnosis import next_table, outcomes_table
 
     at_least_one("--n", arguments.n)
     with session_of(arguments, "suggestion") as session:
@@ -35,4 +35,6 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{sentence(found)}\n")
     print(next_table(lines).text() or "Nothing can be suggested here.")
     print("\ngain: expected squared separation, in variances of the measurement and the models")
+    if readings := outcomes_table(lines).text():
+        print(f"\n{readings}")
     print(session.runs_line())
