@@ -389,9 +389,9 @@ def next_table(entries: Sequence[NextMeasurement]) -> Table:
 def outcomes_table(entries: Sequence[NextMeasurement]) -> Table:
     """What each explanation says that these measurements would read."""
     rows = [
-        [n.name, explanation(said.names), reading_words(n, said)]
+        ["" if place else n.name, explanation(said.names), reading_words(n, said)]
         for n in entries
-        for said in n.outcomes
+        for place, said in enumerate(n.outcomes)
     ]
     return Table(["measurement", "if it is", "it would read"], rows)
 
