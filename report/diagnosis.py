@@ -118,7 +118,7 @@ def summary(document: Document, folder: str | Path) -> str:
     if verdict is not None:
         parts += [tables.steps_table(verdict.steps).text(), words.validation_sentence(data)]
         parts.append(tables.next_table(verdict.next_measurement).text())
-        parts.append(words.refuted_sentence(data))
+        parts.append(words.refuted_sentence(verdict))
         parts.append(tables.outcomes_table(verdict.next_measurement).text())
     parts.append(words.error_sentence(data))
     if document.runs.cut_short:
@@ -367,7 +367,7 @@ def _next(data: DiagnosisData) -> PageSection:
         "Gain: expected squared separation by it and all above it, in variances of the new "
         "measurements and of the models."
     )
-    refuted = words.refuted_sentence(data)
+    refuted = words.refuted_sentence(data.verdict)
     shown = [*tabulated(tables.next_table(found)), *said([refuted])]
     readings = tables.outcomes_table(found)
     return PageSection(

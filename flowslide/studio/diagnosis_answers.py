@@ -22,7 +22,7 @@ from diagnosis.verdict.verdict import (
 )
 from flowslide.studio.job_answers import Found, as_found, strength_found
 from report.numbers import fixed, number, with_unit
-from report.sentences.diagnosis import UNEXPLAINED, quoted_value
+from report.sentences.diagnosis import UNEXPLAINED, quoted_value, refuted_sentence
 
 MOST_NEXT, MOST_TRIED = 2, 5
 """Measurements to make next that a line names; effects besides the answer that can be switched."""
@@ -82,6 +82,8 @@ def verdict(document: Verdict) -> Found:
     ]
     if best:
         lines.append(f"Measure next: {'; '.join(best)}")
+    if refuted := refuted_sentence(document):
+        lines.append(refuted)
     return as_found(
         lines, strengths, misfit=misfit(document.measurements), effects=effects(document)
     )

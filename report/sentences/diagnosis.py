@@ -85,19 +85,17 @@ def reading_words(entry: NextMeasurement, said: PredictedReading) -> str:
     return ", ".join(f"{part} {text}".strip() for part, text in zip(parts, numbers, strict=True))
 
 
-def refuted_sentence(data: DiagnosisData) -> str:
+def refuted_sentence(found: Verdict | None) -> str:
     """How an explanation could be refuted: by the first measurement that is proposed."""
-    found = data.verdict
     if found is None or not found.next_measurement or not found.next_measurement[0].outcomes:
         return ""
     first = found.next_measurement[0]
     said = first.outcomes[0]
     claim = explanation(said.names) if said.names else "the base model"
-    others = "" if len(first.outcomes) == 1 else "; one outside all that is below refutes them all"
     return (
         f"How this could be refuted: {first.words or first.name}. With {claim} it would read "
         f"{reading_words(first, said)}. A reading more than two of these standard deviations away "
-        f"is against it{others}."
+        "is against it."
     )
 
 

@@ -13,6 +13,7 @@ from diagnosis.hypotheses import strength
 from diagnosis.track_record import worth_of
 from diagnosis.verdict.sections_file import FILE_NAME, load_sections
 from diagnosis.verdict.verdict import SOLVER_ERRORS, ValidationCase, Verdict, save_document
+from flowslide.studio import diagnosis_answers
 from inversion.back_analysis.result import FittedTo
 from pipeline.cli import InputError
 from report.charts.confounding import order
@@ -42,6 +43,7 @@ from report.sentences.diagnosis import (
     fall_sentence,
     is_by_hand,
     lead,
+    refuted_sentence,
     role_sentence,
     shortened,
     spoken,
@@ -51,6 +53,7 @@ from report.sentences.diagnosis import (
     worth_sentence,
 )
 from report.table import plain
+from report.tables.diagnosis import outcomes_table
 from tests.diagnosis.verdict_case import (
     NASTY,
     adequate,
@@ -327,6 +330,19 @@ def test_rivals_are_reported():
     assert "Most probable: pore pressure" in told_
     assert "pore pressure (56 %); overburden strength (39 %)" in told_
     assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")
+
+
+def test_how_an_answer_could_be_refuted_is_reported(tmp_path):
+    said = refuted_sentence(ambiguous())
+    assert "With pore pressure it would read dx 21.04 ± 0.62 m, dy −3.20 ± 0.31 m." in said
+    assert "more than two of these standard deviations away is against it" in said
+    rows = outcomes_table(ambiguous().next_measurement).rows
+    assert [row[1] for row in rows] == ["pore pressure", "overburden strength"]
+    assert [row[0] for row in rows] == ["marker at x 62 m, y 4 m", ""], "named once"
+    assert said in diagnosis_answers.verdict(ambiguous())["answer"], "the studio says so, too"
+    assert refuted_sentence(unknown()) == "", "nothing is proposed"
+    read = told(page_of(ambiguous(), tmp_path))
+    assert "How this could be refuted" in read and "it would read" in read
 
 
 def test_what_promises_most_is_reported():

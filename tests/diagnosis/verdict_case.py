@@ -410,8 +410,12 @@ def ambiguous() -> Verdict:
         {"names": ["overburden_strength"], "probability": 0.39},
     ]
     made["next_measurement"] = [
-        {"name": "marker at x 62 m, y 4 m", "gain": 11.3,
-         "words": "displacement of a point at x 62 m, y 4 m before the slide, to 0.3 m"},
+        {"name": "marker at x 62 m, y 4 m", "gain": 11.3, "parts": ["dx", "dy"], "unit": "m",
+         "words": "displacement of a point at x 62 m, y 4 m before the slide, to 0.3 m",
+         "outcomes": [
+             {"names": ["pore_pressure"], "values": [21.04, -3.2], "std": [0.62, 0.31]},
+             {"names": ["overburden_strength"], "values": [18.9, -3.1], "std": [0.58, 0.3]},
+         ]},
         {"name": "toe history", "gain": 4.1, "words": "where the toe is after 5 s, to 1 m"},
     ]  # fmt: skip
     return Verdict.model_validate(made)
