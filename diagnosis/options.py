@@ -68,7 +68,7 @@ class Options:
         drop_below: an effect whose removal costs less ln evidence is dropped.
         credible: probability of the set of explanations that is the answer.
         deserved: chance of being right below which no name is given
-            (`diagnosis.track_record.NameRecord`): with 0.75 at most a tenth of the strangers of
+            (`diagnosis.track_record.NameRecord`): with 0.8 at most a tenth of the strangers of
             the opened sets are explained away, and 85 % of the names are right.
         detectable: |s| at which an effect is found with near certainty.
     """
@@ -114,7 +114,7 @@ class Options:
     worse_held_out: float = 0.5
     drop_below: float = 1.0
     credible: float = 0.9
-    deserved: float = 0.75
+    deserved: float = 0.8
     detectable: float = 3.3
 
     @property

@@ -30,9 +30,9 @@ from pipeline.files import write_text, yaml_text
 #: Weight of the squares of the law's slopes, next to the logarithm of the likelihood.
 RIDGE = 0.05
 #: Least chances for which the page says what would have been given.
-LEAST = (0.0, 0.5, 0.65, 0.75, 0.85)
+LEAST = (0.0, 0.5, 0.65, 0.75, 0.8, 0.85)
 #: Ends of the classes of chance that are held against what was right.
-CLASSES = (0.0, 0.6, 0.75, 0.85, 1.0)
+CLASSES = (0.0, 0.6, 0.7, 0.8, 1.0)
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,9 @@ def given() -> tuple[list[Given], int]:
         verdicts = one.cases()
         strangers += sum(verdict.truth["kind"] == "outside" for verdict in verdicts)
         found += [given_of(one.words, verdict) for verdict in verdicts if explains(verdict)]
-    for twice in load_twice(RECORD):
-        for verdict, known in ((twice.by_whole, True), (twice.by_rest, False)):
-            if verdict is not None and explains(verdict):
-                found.append(given_of(f"{twice.of}, twice", verdict, known=known))
+    for twice in load_twice(RECORD):  # by the whole library they are in their sets
+        if twice.by_rest is not None and explains(twice.by_rest):
+            found.append(given_of(f"{twice.of}, twice", twice.by_rest, known=False))
         strangers += twice.by_rest is not None
     return found, strangers
 

@@ -35,13 +35,13 @@ from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.tried_models import TriedModels
-from inversion.estimation.covariance import SYNTHETIC, jitter_covariance
+from inversion.estimation.covariance import covariance, known, mean_of
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Spreads, Surface, Surrogate
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Unknowns
-from inversion.problem.state import State
+from inversion.problem.state import Numerics, State
 from pipeline.ties import largest_place
 
 #: Explanations with less probability are not worth telling apart, and no more than this many are.
@@ -184,7 +184,8 @@ def suggest(
     if len(rivals) < 2:
         rivals = _hidden(readable, comparison, explanation, options)
         said = rivals[:1]  # what candidates that were not fitted would do is only its direction
-    error = proposal_error(readable, comparison, options)
+    error, finer = proposal_error(readable, comparison, options)
+    said = [replace(one, mean=one.mean + finer) for one in said]
     return [
         replace(one, outcomes=outcomes(one.proposal, said, error))
         for one in greedy(readable.proposals, rivals, error, count)
@@ -207,14 +208,41 @@ def outcomes(
     )
 
 
-def proposal_error(model: Proposes, comparison: Comparison, options: Options) -> np.ndarray:
-    """C_new of all proposals, (q, q): the survey's, and the noise of the model's runs."""
-    jitter = jitter_covariance(model.propose(_seeds(comparison)))
-    error = jitter * (SYNTHETIC if options.synthetic else 1.0)
+def proposal_error(
+    model: Proposes, comparison: Comparison, options: Options
+) -> tuple[np.ndarray, np.ndarray]:
+    """C_new of all proposals (q, q), and what finer cells add to them (q,).
+
+    Both as of the measurements that were made (`adequacy.calibration.errors_at`), from the base
+    model's runs with other jitters, with the second transfer scheme and with finer cells.
+    """
+    replicates = model.propose(_seeds(comparison))
+    survey = np.zeros((replicates.shape[1], replicates.shape[1]))
     for proposal in model.proposals:
-        own = np.ix_(proposal.index, proposal.index)
-        error[own] += proposal.covariance
-    return error
+        survey[np.ix_(proposal.index, proposal.index)] += proposal.covariance
+    finer = _with_other(model, comparison, "fine")
+    error = covariance(
+        survey,
+        replicates=replicates,
+        synthetic=options.synthetic,
+        transfer=_with_other(model, comparison, "transfer"),
+        finer=finer,
+        factor=options.finer_share_std,
+        finer_noise=0.0 if finer is None else options.finer_noise,
+    ).total
+    nothing = np.zeros(replicates.shape[1])
+    return error, nothing if finer is None else options.finer_share * known(finer)
+
+
+def _with_other(model: Proposes, comparison: Comparison, numerics: Numerics) -> np.ndarray | None:
+    """What other numerics change in the proposals (q,), by the base model's last runs of them."""
+    made = [state for state, _ in comparison.base.runs.every]
+    other = [state for state in made if state.numerics == numerics and not state.effects]
+    other = [state for state in other if state.values == other[-1].values]
+    own = [replace(state, numerics="own") for state in other]
+    if not own or not set(own) <= set(made):
+        return None
+    return mean_of(model.propose(other)) - mean_of(model.propose(own))
 
 
 def greedy(
@@ -278,8 +306,8 @@ def read_at(
     empty = Surface(space, x, np.zeros(q), np.zeros((q, space.size)))
     mean, slope, product, local = UNKNOWN
     n = space.size
-    known = Spreads(mean, np.full(n, slope), np.full((n, n), product), local)
-    surrogate = Surrogate(empty, space, known)
+    spreads = Spreads(mean, np.full(n, slope), np.full((n, n), product), local)
+    surrogate = Surrogate(empty, space, spreads)
     centre = readings[np.all(np.isfinite(readings), axis=1)].mean(axis=0)
     surrogate.recall_from(
         [(state, row - centre) for state, row in zip(states, readings, strict=True)], also_here=True
@@ -308,7 +336,7 @@ def _hidden(
     rivals = [Rival((), 1.0, mean, covariance)]
     anchor = base.surface.space.state(base.surface.x)
     linear = comparison.judged.system
-    known = {candidate.name: candidate for candidate in explanation.candidates}
+    candidates = {candidate.name: candidate for candidate in explanation.candidates}
     for name in explanation.names:
         amplitude, change = explanation.signatures[name].plain
         states = [anchor, anchor.with_effects({name: amplitude})]
@@ -317,8 +345,8 @@ def _hidden(
             continue
         size = float(np.linalg.norm(linear.project(linear.augmented(change))))
         share = options.detectable / max(size, 1e-9)
-        count = known[name].scale.count
-        most = max(abs(count(rung)) for rung in known[name].ladder) / abs(count(amplitude))
+        count = candidates[name].scale.count
+        most = max(abs(count(rung)) for rung in candidates[name].ladder) / abs(count(amplitude))
         met = -linear.imitating(linear.augmented(change))
         apart = min(share, most) * (after - before + slope @ met)
         rivals.append(Rival((name,), 1e-3, mean + apart, np.zeros_like(covariance)))

@@ -226,9 +226,34 @@ def test_numbers_that_were_not_measured_are_read_from_the_runs():
 def test_the_error_of_a_proposal_is_the_survey_s_and_the_model_s():
     model = offering(3, {}, OFFERS)
     found = diagnose(model, QUICK)
-    error = proposal_error(model, found.comparison, QUICK)
+    error, _ = proposal_error(model, found.comparison, QUICK)
     # These readings have no noise of the points, so what is left is the survey's.
     assert error == pytest.approx(np.eye(3), abs=1e-9)
+
+
+@dataclass
+class WithCells(Offering):
+    """Finer cells read 0.6 more of the first number, the second scheme 0.3 more."""
+
+    def propose(self, states: list[State]) -> np.ndarray:
+        found = super().propose(states)
+        more = {"own": 0.0, "fine": 0.6, "transfer": 0.3}
+        found[:, 0] += [more[state.numerics] for state in states]
+        return found
+
+
+def test_a_proposal_is_read_as_in_finer_cells_and_less_surely():
+    plain = straight(3, {})
+    cells = np.full(len(plain.readings), 1e-6)
+    model = WithCells(plain.readings, offers=tuple(OFFERS), noise=0.02, cells=cells)
+    found = diagnose(model, QUICK)
+    error, finer = proposal_error(model, found.comparison, QUICK)
+    assert finer == pytest.approx([0.6, 0.0, 0.0])
+    # The survey's own is 1; half of what finer cells change, and the scheme's change.
+    assert np.diag(error) == pytest.approx([1.0 + (0.5 * 0.6) ** 2 + 0.3**2, 1.0, 1.0])
+    runs = model.computed
+    next_measurements(found, 2)
+    assert model.computed == runs, "no run is asked for"
 
 
 def test_a_model_that_proposes_nothing_gets_no_suggestion():
