@@ -60,7 +60,7 @@ LINES = {
     "diagnosis/*.py": 1600,
     "diagnosis/adequacy": 710,
     "diagnosis/hypotheses": 2510,
-    "diagnosis/selection": 2950,
+    "diagnosis/selection": 2970,
     "diagnosis/signatures": 600,
     "diagnosis/verdict": 1790,
     "report": 13110,
