@@ -45,16 +45,16 @@ class Options:
         suspect: combined p below which it is suspect.
         still_failing: combined p of an accepted model, with the error of its effects, below which
             its answer does not stand.
-        nearly_all: share of the base model's excess misfit that such a model may leave all the
-            same, if it has one effect and while its combined p is at least
-        nearly_failing: this.
+        nearly_all: largest share of the base model's excess misfit with which a model of one
+            effect may fail `still_failing`.
+        nearly_failing: smallest combined p at which `nearly_all` applies.
         several_failing: combined p below which an answer of several effects does not stand,
             whatever their error.
-        left_over: share of the base model's excess misfit that such a model may leave, where only
-            that error lets it pass.
-        held_out_left: share of the base model's excess misfit on held-out data that an answer may
-            leave, where these still fail with
-        held_out_failing: a p below this.
+        left_over: largest share of the base model's excess misfit that a model may leave if only
+            the error of its effects lets it pass.
+        held_out_left: largest share of the base model's excess misfit on held-out data that an
+            answer may leave if these fail `held_out_failing`.
+        held_out_failing: p of held-out data below which `held_out_left` applies.
         held_out_rise: rise of the sum of squares of failing held-out data (p below `still_failing`)
             with which no answer stands: their density falls by two, as by two standard deviations.
         refitted: candidates that are refitted by their score.

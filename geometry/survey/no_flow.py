@@ -1,8 +1,8 @@
 """`no_flow`: the toe moved less than a limit; nothing ran, and how far it moved is not known.
 
-A censored observation. In a least-squares fit it costs nothing while the predicted runout is below
-the limit and the excess over it beyond; its likelihood is Phi((limit - predicted) / std), with the
-error of the model (`inversion.posterior.likelihood`).
+A censored observation. In a least-squares fit it contributes nothing while the predicted runout is
+below the limit, and the excess otherwise; its likelihood is Phi((limit - predicted) / std), with
+the error of the model (`inversion.posterior.likelihood`).
 """
 
 from __future__ import annotations
