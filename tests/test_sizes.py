@@ -18,7 +18,9 @@ WITHOUT_ROOMS = {"pipeline"}
 # drawn section (geometry/dimensions, inversion/new_case), pore water (mpm_taichi/solver), one
 # relation over several slides (inversion/joint), a posterior and a deposit in plan in three
 # dimensions (inversion/posterior, prediction), the studio with drawing, jobs and bodies
-# (flowslide/studio). Since then: what a section with pore water lacks (geometry/scenes, 40 lines).
+# (flowslide/studio). Since then: what a section with pore water lacks (geometry/scenes, 40 lines);
+# answers of a diagnosis, and why its thresholds are what they are (diagnosis/*.py, 70 lines, which
+# flowslide/commands gives).
 LINES = {
     "pipeline": 2500,
     "geometry": 11220,
@@ -56,8 +58,8 @@ LINES = {
     "inversion/posterior": 2390,
     "inversion/prediction": 2050,
     "inversion/problem": 1040,
-    "diagnosis": 10130,
-    "diagnosis/*.py": 1600,
+    "diagnosis": 10200,
+    "diagnosis/*.py": 1670,
     "diagnosis/adequacy": 710,
     "diagnosis/hypotheses": 2510,
     "diagnosis/selection": 2950,
@@ -70,9 +72,9 @@ LINES = {
     "report/pictures": 2710,
     "report/sentences": 1360,
     "report/tables": 2130,
-    "flowslide": 10330,
+    "flowslide": 10260,
     "flowslide/*.py": 1770,
-    "flowslide/commands": 3880,
+    "flowslide/commands": 3810,
     "flowslide/studio": 4690,
     "benchmarks": 20870,
     "benchmarks/*.py": 610,
