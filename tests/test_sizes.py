@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
-from tests.test_layout import FILES, PRESENT, ROOT, relative
+from tests.test_layout import FILES, PRESENT, ROOT, relative, tree_of
 
 PACKAGES = [*PRESENT, "benchmarks"]
 WITHOUT_ROOMS = {"pipeline"}
@@ -106,6 +107,8 @@ UNFORMATTED = {
     "geometry/terrain/raster.py",  # numbers that stand for no value
 }
 
+FORMATTER = re.compile(r"#\s*(?:fmt|yapf):")
+
 #: Bases of documents: a class of a file's form is called as what it describes.
 DOCUMENTS = {"Document", "StrictDocument", "BaseModel"}
 # The two solvers have one table of arrays each, which `state_kernel` takes alike.
@@ -146,23 +149,25 @@ def test_folders_keep_to_their_files():
 
 
 def test_the_formatter_has_no_exceptions_but_tables():
-    marks = {relative(path): path.read_text().count("# fmt:") for path in FILES}
+    marks = {relative(path): len(FORMATTER.findall(path.read_text())) for path in FILES}
     assert {path: number for path, number in marks.items() if number} == dict.fromkeys(
         UNFORMATTED, 1
     )
-
-
-CLASS = re.compile(r"^ *class (\w+)(?:\(([^)]*)\))?:", re.MULTILINE)
 
 
 @cache
 def classes() -> list[tuple[str, str, set[str]]]:
     """(file, name, names of the bases) of every class of the product."""
     return [
-        (relative(path), found[1], set(re.findall(r"\w+", found[2] or "")))
+        (relative(path), node.name, {name for base in node.bases for name in names_in(base)})
         for path in FILES
-        for found in CLASS.finditer(path.read_text())
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.ClassDef)
     ]
+
+
+def names_in(base: ast.expr) -> set[str]:
+    return set(re.findall(r"\w+", ast.unparse(base)))
 
 
 def test_class_names_are_unique_outside_documents():
