@@ -1,4 +1,4 @@
-"""How large packages and rooms may become; names of classes; exceptions to the formatter."""
+"""How large packages, rooms and the documentation may become; names of classes; the formatter."""
 
 from __future__ import annotations
 
@@ -107,6 +107,9 @@ UNFORMATTED = {
     "geometry/terrain/raster.py",  # numbers that stand for no value
 }
 
+#: Words and pages of `docs`; what is made while it is built does not count.
+MOST_WORDS, MOST_PAGES = 60_000, 35
+
 FORMATTER = re.compile(r"#\s*(?:fmt|yapf):")
 
 #: Bases of documents: a class of a file's form is called as what it describes.
@@ -180,3 +183,17 @@ def test_class_names_are_unique_outside_documents():
             places[name].add(file)
     twice = {name: files for name, files in places.items() if len(files) > 1 and files != TWINS}
     assert not twice
+
+
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*/*.md")])
+
+
+def test_the_documentation_keeps_to_its_words():
+    words = sum(len(page.read_text("utf-8").split()) for page in PAGES)
+    assert len(PAGES) <= MOST_PAGES and words <= MOST_WORDS, (len(PAGES), words)
+
+
+def test_the_first_page_names_every_page():
+    """A page is found from the README, not only by the menu of the site."""
+    named = set(re.findall(r"\]\((docs/[^)#]+\.md)", (ROOT / "README.md").read_text("utf-8")))
+    assert {relative(page) for page in PAGES} == named
