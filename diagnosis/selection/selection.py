@@ -52,7 +52,7 @@ class Selection:
         comparison: of the base model.
         explanation: candidates against its residual; grows by things whose place is sought.
         options: settings of the diagnosis.
-        ranking: is told what refits find.
+        ranking: receives the results of refits.
         tried: models so far.
         signatures: by candidate, the last that were taken.
     """

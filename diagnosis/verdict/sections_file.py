@@ -134,7 +134,7 @@ def load_sections(folder: str | Path) -> SlideSurfaces | None:
 def _surface(
     points: np.ndarray, spacing: float, ground: np.ndarray, x: np.ndarray, bottom: np.ndarray
 ) -> np.ndarray:
-    # In files of before physics 7 every point has the volume of a square.
+    # In files older than physics 7 every point has the volume of a square.
     places, volume = points[:, :2], points[:, 2] if points.shape[1] == 3 else spacing**2
     surface = np.asarray(surface_profile(places, volume, x, spacing=spacing, ground=ground))
     return np.where(surface > bottom + LEAST_HEIGHT, surface, np.nan)
