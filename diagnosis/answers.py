@@ -6,12 +6,15 @@ and the same as objects.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
+    FOLDER,
     Hypothesis,
     HypothesisEffect,
     hypothesis_files,
@@ -19,7 +22,7 @@ from diagnosis.hypotheses.hypothesis_file import (
     new_name,
 )
 from diagnosis.selection.explain import explain
-from diagnosis.selection.extend import Extension, check_addition, extend
+from diagnosis.selection.extend import check_addition, extend
 from diagnosis.session import Session
 from diagnosis.verdict.fitted_models import (
     effect_answers,
@@ -27,6 +30,7 @@ from diagnosis.verdict.fitted_models import (
     judge_again,
     keep,
     kept_step,
+    measurement_lines,
     step_of,
 )
 from diagnosis.verdict.validation_case import validated
@@ -35,12 +39,21 @@ from diagnosis.verdict.verdict import (
     EXPLAIN_FILE,
     FILE_NAME,
     CompareDocument,
+    EffectAnswer,
     ExplainDocument,
+    MeasurementVerdict,
+    NextMeasurement,
     Verdict,
     WaterfallStep,
     save_document,
 )
-from diagnosis.verdict.verdict_builder import compare_document, explain_document, verdict_document
+from diagnosis.verdict.verdict_builder import (
+    compare_document,
+    explain_document,
+    next_part,
+    sentence,
+    verdict_document,
+)
 from pipeline.cli import InputError
 
 
@@ -187,17 +200,21 @@ class Extended:
 
     Attributes:
         asked: the session whose model was extended; effects that were fitted are fitted again.
-        comparison: of its base model.
-        found: the extension.
+        effects: of the new model, with their amplitudes.
+        measurements: by the model before and by the new one.
+        why_not: the condition for acceptance that fails; empty if none does.
         before: error of the model before.
         after: error of the new model.
+        file: of the new model.
     """
 
     asked: Session
-    comparison: Comparison
-    found: Extension
+    effects: list[EffectAnswer]
+    measurements: list[MeasurementVerdict]
+    why_not: str
     before: WaterfallStep
     after: WaterfallStep
+    file: Path
 
 
 def extended(session: Session, add: str, notes: str) -> Extended:
@@ -217,7 +234,9 @@ def extended(session: Session, add: str, notes: str) -> Extended:
     if session.is_base:
         base = Hypothesis(by="compare")
         keep(session.folder, BASE, base, before, session.made_from(base))
-    model = _new_model(asked, session.hypothesis_name, comparison, found, notes)
+    words = {c.name: (c.unit, c.words) for c in asked.model.candidates}
+    answers = effect_answers(data, found.after.fit, words)
+    model = _new_model(asked, session.hypothesis_name, answers, notes)
     name = new_name(session.folder, add)
     after = step_of(
         name,
@@ -232,17 +251,25 @@ def extended(session: Session, add: str, notes: str) -> Extended:
         found.before.fit.space.state(found.before.fit.x),
         found.after.fit.space.state(found.after.fit.x),
     )
-    return Extended(asked, comparison, found, before, after)
+    lines = measurement_lines(
+        asked.model.targets,
+        comparison.places,
+        data,
+        comparison.base.covariance.survey,
+        found.before.fit.prediction,
+        found.after.fit.prediction,
+    )
+    file = session.folder / FOLDER / f"{name}.yaml"
+    return Extended(asked, answers, lines, found.why_not, before, after, file)
 
 
 def _new_model(
-    asked: Session, parent: str, comparison: Comparison, found: Extension, notes: str
+    asked: Session, parent: str, answers: Sequence[EffectAnswer], notes: str
 ) -> Hypothesis:
     """The model as a file: fitted effects with their sizes, others unchanged."""
     old = asked.hypothesis
     effects = {} if old is None else dict(old.effects)
-    words = {c.name: (c.unit, c.words) for c in asked.model.candidates}
-    for answer in effect_answers(comparison.base.data, found.after.fit, words):
+    for answer in answers:
         effects[answer.name] = HypothesisEffect(
             amplitude=round(answer.amplitude, 6),
             std=round(answer.std, 6),
@@ -278,11 +305,13 @@ class Track:
         steps: their errors.
         notes: a note for each.
         by_hand: names of those that a person made, or asked for by name.
+        not_judged: names of models whose error is not known yet.
     """
 
     steps: list[WaterfallStep]
     notes: list[str]
     by_hand: list[str]
+    not_judged: list[str]
 
 
 def tracked(session: Session) -> Track:
@@ -291,13 +320,14 @@ def tracked(session: Session) -> Track:
     Raises:
         InputError: none has been judged.
     """
-    steps, notes, hands = [], [], []
+    steps, notes, hands, waiting = [], [], [], []
     for name, path in hypothesis_files(session.folder).items():
         model, kept = load_hypothesis(path), kept_step(session.folder, name)
         by_hand = model.by in ("engineer", "extend")
         if by_hand:
             hands.append(name)
         if kept is None:
+            waiting.append(name)
             continue
         note = model.notes.strip() or kept.step.note
         if by_hand:
@@ -311,4 +341,23 @@ def tracked(session: Session) -> Track:
             f"{session.folder}: no model has been judged; begin with flowslide diagnose compare "
             f"{session.case.folder}"
         )
-    return Track(steps, notes, hands)
+    return Track(steps, notes, hands, waiting)
+
+
+@dataclass(frozen=True)
+class Suggested:
+    """What to measure next.
+
+    Attributes:
+        sentence: the verdict that the measurements would sharpen.
+        measurements: the first by itself, each further one in addition to those before it.
+    """
+
+    sentence: str
+    measurements: list[NextMeasurement]
+
+
+def suggested(session: Session, count: int) -> Suggested:
+    """The `count` measurements that would tell most; nothing is written."""
+    found = diagnose(session.model, session.options, session.say, count=count)
+    return Suggested(sentence(found), next_part(found.next_measurement))

@@ -70,7 +70,7 @@ def diagnose(
         options: what may be done otherwise.
         say: called for each stage in a line.
         count: measurements to suggest at most.
-        ranking: is told how the hypotheses stand; None: nobody watches.
+        ranking: receives how the hypotheses stand; None: it is not reported.
 
     Raises:
         WorkFailed: no run of the base model could be read.

@@ -50,8 +50,7 @@ from pipeline.files import working_in
 from pipeline.progress import Cancelled, Evaluated
 
 if TYPE_CHECKING:
-    from diagnosis.answers import Extended, Track
-    from diagnosis.diagnose import Diagnosis
+    from diagnosis.answers import Extended, Suggested, Track
     from diagnosis.ranking import Ranked
     from diagnosis.session import Session
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
@@ -955,6 +954,12 @@ class ClassicalAnswers:
     analyses: Sequence[Analysis]
     refused: Sequence[str]
 
+    def table(self, analysis: Analysis, *, every_option: bool) -> str:
+        """One slide as text."""
+        from inversion.classical.document import table
+
+        return table(self.sections, analysis, every_option=every_option)
+
     def save(self, folder: Path) -> dict[str, Any]:
         """Write document, pictures and page; the document."""
         from report.classical import save_all
@@ -1180,13 +1185,11 @@ def track(session: Session) -> Track:
     return tracked(session)
 
 
-def suggest(session: Session, count: int) -> Diagnosis:
-    """A diagnosis that also says which measurements, `count` of them, would tell most."""
-    from diagnosis.diagnose import diagnose
+def suggest(session: Session, count: int) -> Suggested:
+    """Which measurements, `count` of them, would tell most after a diagnosis."""
+    from diagnosis.answers import suggested
 
-    return _timed(
-        diagnose(session.model, session.options, session.say, count=count), session, "suggest"
-    )
+    return _timed(suggested(session, count), session, "suggest")
 
 
 def write_report(

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from geometry.scenes.scene import Scene, load_scene, scene_from_mapping
+from geometry.scenes3d.scene3d import is_body
 from geometry.sides import SIDES, Side
 from geometry.survey.blow_counts import BlowCount, load_blow_counts
 from geometry.survey.marks import Mark
@@ -191,10 +192,14 @@ def load_case(place: str | Path, config: Config | None = None) -> Case:
         config: settings; None: the defaults.
 
     Raises:
-        InputError: no such folder or scene, or a document that does not hold together; one line
-            with file, field, value and what is allowed.
+        InputError: no such folder or scene, a body in three dimensions, or a document that does not
+            hold together; one line with file, field, value and what is allowed.
     """
     folder, config = resolve(place, CASES), config or Config()
+    if folder.exists() and is_body(folder):
+        raise InputError(
+            f"{folder}: a body in three dimensions; this takes a section ({SCENE_FILE})"
+        )
     if not folder.is_dir():
         raise InputError(
             f"{folder}: no such folder; a case has {SCENE_FILE}, and {MEASUREMENTS_FILE} and "

@@ -22,8 +22,8 @@ ORDER = ["geometry", "mpm_taichi", "gns", "inversion", "diagnosis", "report", "f
 ALLOWED = {"pipeline": set()} | {
     name: {"pipeline", *ORDER[:position]} for position, name in enumerate(ORDER)
 }
-# The rooms of a package; a room loads only rooms to its left. Imports inside a function
-# (the factory of an engine, a drawing) is a choice made while the program runs and is left out.
+# The rooms of a package; a room imports only from rooms to its left, in functions and for types as
+# well.
 ROOMS = {
     "geometry": [
         "terrain", "scenes", "scenes3d", "random_scenes", "dimensions", "survey", "survey3d",
@@ -38,9 +38,13 @@ ROOMS = {
     "report": ["data", "sentences", "tables", "pictures", "charts"],
     "flowslide": ["studio", "commands"],
 }  # fmt: skip
-# The hooks of effects are compiled into the step and use one of its functions.
 IMPORT = ast.Import | ast.ImportFrom
-JOINTS = {("mpm_taichi/effects/framework/hooks.py", "mpm_taichi/solver/transfer.py")}
+# The hooks of effects are compiled into the step and use one of its functions; pore water flows on
+# the grid of the solver.
+JOINTS = {
+    ("mpm_taichi/effects/framework/hooks.py", "mpm_taichi/solver/transfer.py"),
+    ("mpm_taichi/effects/pore_water.py", "mpm_taichi/solver/pore_water.py"),
+}
 PRESENT = [name for name in ALLOWED if (ROOT / name / "__init__.py").exists()]
 FILES = [path for name in PRESENT for path in sorted((ROOT / name).rglob("*.py"))]
 
@@ -75,6 +79,13 @@ def imports_when_loaded(body: list[ast.stmt]) -> Iterator[str]:
                 yield from imports_when_loaded(getattr(node, field, []))
             for handler in getattr(node, "handlers", []):
                 yield from imports_when_loaded(handler.body)
+
+
+def imports_anywhere(tree: ast.AST) -> Iterator[str]:
+    """Modules imported in functions and for types alone too."""
+    for node in ast.walk(tree):
+        if isinstance(node, IMPORT):
+            yield from imports_when_loaded([node])
 
 
 def top(module: str) -> str:
@@ -124,13 +135,13 @@ def test_imports_go_to_the_left(path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
-def test_rooms_load_only_rooms_to_their_left(path):
+def test_rooms_import_only_rooms_to_their_left(path):
     """Files at the top of a package are in no room: they join the rooms, or serve all of them."""
     package, *rest = path.relative_to(ROOT).parts[:-1]
     if not rest:
         return
     rooms = ROOMS[package]
-    for module in imports_when_loaded(tree_of(path).body):
+    for module in imports_anywhere(tree_of(path)):
         ours = module_file(module)
         parts = ours.relative_to(ROOT).parts if ours else ()
         if len(parts) < 3 or parts[0] != package or parts[1] == rest[0]:
@@ -155,10 +166,9 @@ def test_nothing_is_read_in_circles():
     place = {path: number for number, path in enumerate(FILES)}
     reads = np.zeros((len(FILES), len(FILES)))
     for path in FILES:
-        for node in ast.walk(tree_of(path)):
-            for module in imports_when_loaded([node]) if isinstance(node, IMPORT) else ():
-                if (other := module_file(module)) in place:
-                    reads[place[path], place[other]] = 1.0
+        for module in imports_anywhere(tree_of(path)):
+            if (other := module_file(module)) in place:
+                reads[place[path], place[other]] = 1.0
     count, circle = connected_components(reads, connection="strong")
     found = [{relative(FILES[n]) for n in np.flatnonzero(circle == k)} for k in range(count)]
     circles = [files for files in found if len(files) > 1]

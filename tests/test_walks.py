@@ -9,7 +9,9 @@ import pytest
 from tests.walks import ROOT, Length, Step, faults, length, walks
 
 # Files and crossings: as many as there are. A walk may become shorter; one that becomes longer gets
-# its reason here.
+# its reason here. The layers of a session of the diagnosis (command, API, session, answers, loop)
+# and the way from the model down to the solver and back, twice through `inversion`, are what is
+# left: each has more than one caller, so leaving one out would write it twice.
 MOST = {
     "a residual strength": (44, 14),
     "a measured number": (24, 12),

@@ -46,7 +46,7 @@ SHARES = (0.3, 0.6, 0.85)
 #: One standard deviation where nothing is known: of the base's level and of its rise between the
 #: feet, as shares of the height of the section; of the slope of a foreland; of a coefficient.
 LEVEL_STD, TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.08, 0.1, 0.03, 0.25
-#: A base is known that well by borings, however high the section [m].
+#: Largest of the first two [m]: borings locate a base that well, however high the section.
 WORST_KNOWN_M = 2.0
 #: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
 RUNGS = (0.5, 1.0, 2.0)
@@ -58,10 +58,10 @@ FORELAND_LENGTH = 6.0
 #: of the section, and the highest [m]; run of its faces over their rise.
 BUMP_PLACES = {"close_to": 0.5, "near": 1.0, "far_from": 2.0}
 BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
-#: Its distance is sought in such steps; from 0.3 to 3 heights there are so many.
+#: Factor between the distances that are tried, and how many there are from 0.3 to 3 heights.
 BUMP_STEP, BUMPS = 1.25, 11
 _BUMP = re.compile(rf"{BUMP}_(\d+(?:\.\d+)?)_m_before_the_(left|right)_foot")
-#: A vertex so near to the base stands on it [m].
+#: A vertex nearer to the base than this stands on it [m].
 ON_BASE_M = 1e-3
 
 

@@ -59,14 +59,14 @@ class Candidate:
         prior_mean: most likely amplitude beforehand; None: nothing is known but the bounds.
         prior_std: its standard deviation; None with `prior_mean`.
         free: its runs cost nothing (an error of the survey that only moves the prediction).
-        by_chance: one pattern of many that are random, and nobody has said that it is the one: what
-            it explains is not explained, but varies from place to place.
+        by_chance: one realisation of a random pattern, which the case does not name: what it fits
+            is not explained, but varies from place to place.
         screened: nearly linear: its ladder is run beyond the first amplitude only if that promises
             something.
         decades: its rungs are tenfold each, and it is most likely near the middle one.
-        asked: the case itself names it as what may be missing: it is refitted whatever it promises.
+        asked: the case names it as what may be missing: it is refitted whatever its score.
         switch: on or off, amplitude 1 or 0: another form of the model, which has no size.
-        placed: it is at a place, and others may be sought; of how many each is as likely.
+        placed: number of equally likely places to which it may be moved; 0: it has no place.
         choices: places among which its own was sought.
     """
 
@@ -131,9 +131,9 @@ def amplitude_of(
 ) -> UnknownAmplitude:
     """The amplitude of a candidate; `prior` (mean, std) replaces its own.
 
-    Of one without a prior the ladder says what is small and what is large: a Gaussian around none,
-    `WIDE` times the top rung wide, cut off at the bounds. Bounds alone would not do: they are what
-    the solver can bear, and an effect would gain or lose evidence by how far that is.
+    Without a prior the ladder defines what is small and what is large: a Gaussian about 0 whose
+    standard deviation is `WIDE` times the top rung, cut off at the bounds. The bounds alone would
+    not do: they are the limits of the solver, and the evidence would depend on them.
     """
     if candidate.switch:
         return UnknownAmplitude(candidate.name, 1.0, 1.0, Scale())
@@ -230,7 +230,7 @@ class Model(Predictor, Protocol):
         ...
 
     def simulates(self, state: State) -> bool:
-        """Whether it has an answer to a state with other numerics, and another than to its own."""
+        """Whether it can predict a state with other numerics, and does not ignore them."""
         ...
 
 

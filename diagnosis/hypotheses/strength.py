@@ -30,7 +30,8 @@ CONTRAST, PART = "strength_contrast", "part"
 #: One standard deviation of ln (strength of a part over that of the rest): a factor of 2. Undrained
 #: strengths of one soil scatter from place to place by a tenth to a half of their mean (Phoon and
 #: Kulhawy 1999, Can. Geotech. J. 36(4), recalled), those of silt and sand in one hydraulic fill
-#: differ by a factor of two and more (Seed, Lee and Idriss 1975, recalled).
+#: differ by a factor of two and more (Seed, Lee and Idriss 1975, recalled). With a factor of 5 a
+#: part 16 times weaker than the rest was named for a pool (`0011` of the sixth set).
 CONTRAST_STD = float(np.log(2.0))
 #: What the thirds of a zone are called.
 ALONG, UPWARDS = ("left", "middle", "right"), ("lower", "middle", "upper")

@@ -5,8 +5,8 @@ slide that runs on strengths that vanish somewhere is noisier than one of even s
 cells move it otherwise. A model that is compared with others is therefore measured as the base
 model was: runs with other jitters, with the second transfer scheme and with finer cells, at its fit
 (`with_own_error`). Its predictions are then corrected by what its own cells take, and its misfit
-weighed by its own C, which grants it no less than the base model is granted. The determinant counts
-in the evidence: what is noisy forgives more and is believed less.
+weighed by its own C, which grants it no less than the base model is granted. ln det C enters the
+evidence: a noisier model fits more easily and is penalised for it.
 
 A model that was not measured so is judged with the change of these differences against the base
 model as error, the whole of it doubted (`doubting`):

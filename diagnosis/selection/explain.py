@@ -127,7 +127,7 @@ def explain(
         model: the model to diagnose.
         comparison: of `compare` with the same model and options.
         options: vetoes, priors.
-        ranking: is told what the scores promise, as they become known; None: nobody watches.
+        ranking: receives the scores as they become known; None: they are not reported.
 
     Raises:
         InputError: an effect is named that the model does not know.

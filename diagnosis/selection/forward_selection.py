@@ -27,7 +27,8 @@ from pipeline.ties import ranked
 #: Share of the drop that is asked for which a further effect has to promise before it is refitted:
 #: next to a first, promises are good to a fifth or 3, while a refit takes ten runs.
 PROMISING = 0.5
-#: Share of the best promise that a look-alike must promise itself to be refitted for that alone.
+#: Share of the best promise that a look-alike must promise itself to be refitted for that alone:
+#: what promises less looks alike with the wrong sign, or cannot be as large.
 RIVAL = 0.02
 #: Pairs that are refitted in a round.
 PAIRS = 2
@@ -184,7 +185,7 @@ def representatives(
 
     All but those that are screened, and of these the best of each family: its members differ by
     place or by property, and where the data cannot separate them a refit of each would say the
-    same. What promises next to nothing looks alike with the wrong sign, or cannot be as large.
+    same.
     """
     promised = {name: explanation.scores.best(name).drop for name in names}
     least = RIVAL * explanation.scores.largest**2

@@ -87,9 +87,9 @@ class RefitContext:
     def data_for(self, fit: Fit) -> Data:
         """The measurements with what the law of the model's effects may be off by in C.
 
-        `share` of all that the effects change where the model fits. Of two models that explain a
-        slide equally well, the one whose effect undoes most of what its parameters do is then the
-        less likely one: it asks for more luck. Without the run that shows the change, C itself.
+        `share` of all that the effects change where the model fits. A model whose effect cancels
+        the change of its own parameters is thereby penalised: it relies on two errors that
+        compensate. Without the run that shows the change, C itself.
         """
         acting = set(fit.names) - self.exact
         if not self.share or not acting:

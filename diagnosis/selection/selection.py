@@ -34,9 +34,11 @@ from pipeline.ties import largest, ranked
 
 #: Runs that the error of an adopted model takes; they are kept for it.
 ERROR_RUNS = 3
-#: Refitted models of a step that are measured as the base model was, the best by their misfit.
+#: Refitted models of a step that are measured as the base model was, the best by their misfit: by
+#: the base model's C the true model of a slide had chi2 203 on 21 numbers, by its own 20.
 MEASURED = 4
-#: Models within so much ln evidence of the best are judged by fresh jitters, as it is.
+#: Models within so much ln evidence of the best are judged by fresh jitters, as it is: a derivative
+#: of its own is worth 0.7 to 2.6 to a model.
 NEAR_BEST = 3.0
 #: Models within that of the best that are put on equal terms with it, itself among them.
 CONTENDERS = 4
@@ -50,7 +52,7 @@ class Selection:
         comparison: of the base model.
         explanation: candidates against its residual; grows by things whose place is sought.
         options: settings of the diagnosis.
-        ranking: is told what refits find.
+        ranking: receives the results of refits.
         tried: models so far.
         signatures: by candidate, the last that were taken.
     """

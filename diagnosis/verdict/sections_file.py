@@ -7,8 +7,6 @@ outline of the section.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry.survey.surface_profile import ground_elevation, surface_profile
-from inversion.engines.content_store import write_arrays
+from inversion.engines.content_store import DAMAGE, write_arrays
 from pipeline.cli import InputError
 
 FILE_NAME = "sections.npz"
@@ -121,15 +119,7 @@ def load_sections(folder: str | Path) -> SlideSurfaces | None:
             str(name): Toe(float(foot), float(outward))
             for name, (foot, outward) in zip(kept["toe_names"], kept["toes"], strict=True)
         }
-    except (
-        OSError,
-        EOFError,
-        KeyError,
-        RuntimeError,
-        ValueError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
+    except DAMAGE as error:
         raise InputError(
             f"{path}: cannot be read ({error}); delete it and ask for the diagnosis again"
         ) from None
@@ -144,7 +134,7 @@ def load_sections(folder: str | Path) -> SlideSurfaces | None:
 def _surface(
     points: np.ndarray, spacing: float, ground: np.ndarray, x: np.ndarray, bottom: np.ndarray
 ) -> np.ndarray:
-    # In files of before physics 7 every point has the volume of a square.
+    # In files older than physics 7 every point has the volume of a square.
     places, volume = points[:, :2], points[:, 2] if points.shape[1] == 3 else spacing**2
     surface = np.asarray(surface_profile(places, volume, x, spacing=spacing, ground=ground))
     return np.where(surface > bottom + LEAST_HEIGHT, surface, np.nan)

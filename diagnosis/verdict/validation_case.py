@@ -137,7 +137,7 @@ def _there(model: EngineModel, fit: Fit, adopted: Mapping[str, float], seed: int
     found = fit.space.parameters.as_mapping(fit.space.values(fit.x))
     own = model.parameters.as_mapping(model.parameters.prior_mean)
     values = [found.get(name, own[name]) for name in model.parameters.names]
-    # Where the section is drawn otherwise and what the survey errs belong to the first case.
+    # Changes of the section and errors of the survey belong to the first case.
     acting = {c.name for c in model.candidates if c.family not in ("section", "survey")}
     found_there = {**adopted, **fit.space.amplitudes(fit.x)}
     effects = {name: size for name, size in found_there.items() if name in acting}

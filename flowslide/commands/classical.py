@@ -105,7 +105,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; 0 when done."""
     from flowslide import api
     from flowslide.run import Call
-    from inversion.classical.document import table
     from pipeline.config import load_config
     from pipeline.files import working_in
 
@@ -117,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
             case, Call(), arguments.run, arguments.slide, _changes(arguments)
         )
         for analysis in found.analyses:
-            print(table(found.sections, analysis, every_option=not arguments.quiet), end="\n\n")
+            print(found.table(analysis, every_option=not arguments.quiet), end="\n\n")
         for reason in found.refused:
             print(f"Not analysed: {reason}")
         found.save(out)

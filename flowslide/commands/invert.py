@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--engine",
         choices=tuple(engines()),
         help="material point method, a learned simulator that is differentiated, the material "
-        "point method over the width of CASE/scene3d.yaml, a learned model in one pass, or coarse "
-        "runs with a learned correction; default: the question's, else inversion.engine",
+        "point method over the width of CASE/scene3d.yaml, or a learned model in one pass; "
+        "default: the question's, else inversion.engine",
     )
     parser.add_argument(
         "--model", metavar="DIR", help="of the engine gns: a folder, or a name in models/"

@@ -2,8 +2,8 @@
 
 The text format has lines `G id x y` (gridpoints), `Z kind id gridpoints...` (elements, Q4 or T3),
 and `ZGROUP "name" SLOT "slot"` followed by the ids of the group's elements. An element may be in a
-group of every slot; one slot, that with the most groups among those that hold the most elements, is
-the section.
+group of every slot. The section is read from the slot that covers the most elements; of several
+that cover as many, from the one with the most groups.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def read_grid(path: Path) -> dict[str, list[Point]]:
 def _section(
     slots: dict[str, dict[str, list[int]]], elements: dict[int, list[Point]]
 ) -> dict[str, list[int]]:
-    """Groups of the slot that says most about where which soil is."""
+    """Groups of the slot that covers the most elements, and what it leaves without a group."""
 
     def rank(groups: dict[str, list[int]]) -> tuple[int, int]:
         held = set().union(*groups.values()) & elements.keys()

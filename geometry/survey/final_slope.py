@@ -16,7 +16,7 @@ from geometry.survey.marks import Mark
 from geometry.survey.measured import Deposit, Single
 from geometry.survey.site import Site
 from geometry.survey.surface_profile import ground_elevation, surface_profile
-from geometry.survey.toe_runout import check_has_toe, toe_runout
+from geometry.survey.toe_runout import check_has_toe, runout_of
 from pipeline.cli import InputError
 
 #: Share of the section's height at which the face that slid ends and its crest begins.
@@ -57,16 +57,7 @@ class FinalSlope(Single):
             raise ValueError(f"{self.name}: needs the ground below the deposit")
         ground, outward = deposit.ground, outward_of(self.side)
         edge = crest_edge(deposit.before, self.side)
-        toe = toe_runout(
-            deposit.position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=edge,
-            front=deposit.front.get(self.side),
-            ground=deposit.ground,
-            derivative=derivative,
-        )
+        toe = runout_of(deposit, self.side, start=edge, derivative=derivative)
         surface = surface_profile(
             deposit.position,
             deposit.volume,

@@ -1,8 +1,8 @@
 """`no_flow`: the toe moved less than a limit; nothing ran, and how far it moved is not known.
 
-A censored observation. In a least-squares fit it costs nothing while the predicted runout is below
-the limit and the excess over it beyond; its likelihood is Phi((limit - predicted) / std), with the
-error of the model (`inversion.posterior.likelihood`).
+A censored observation. In a least-squares fit it contributes nothing while the predicted runout is
+below the limit, and the excess otherwise; its likelihood is Phi((limit - predicted) / std), with
+the error of the model (`inversion.posterior.likelihood`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from geometry.survey.toe_runout import (
     check_has_toe,
     check_toe_in_domain,
     runout_by_eye,
-    toe_runout,
+    runout_of,
 )
 
 
@@ -60,16 +60,8 @@ class NoFlow(Length):
         From the toe of the same points before the slide, not from the foot of the section: a gentle
         foot reads short by metres before anything moves, and nothing that stood may count as moved.
         """
-        return toe_runout(
-            deposit.position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=self._toe_before(deposit),
-            front=deposit.front.get(self.side),
-            ground=deposit.ground,
-            derivative=derivative,
-        )
+        start = self._toe_before(deposit)
+        return runout_of(deposit, self.side, start=start, derivative=derivative)
 
     def by_eye(self, deposit: Deposit) -> float:
         """Movement of the outermost connected point [m]."""
@@ -78,17 +70,7 @@ class NoFlow(Length):
 
     def _toe_before(self, deposit: Deposit) -> float:
         """Place of the same points' toe before the slide, x [m]."""
-        before = deposit.before
-        moved = toe_runout(
-            before.position,
-            before.volume,
-            spacing=before.spacing,
-            side=self.side,
-            initial_toe=0.0,
-            front=before.front.get(self.side),
-            ground=before.ground,
-        )
-        return outward_of(self.side) * moved
+        return outward_of(self.side) * runout_of(deposit.before, self.side, start=0.0)
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A limit on a side that has a toe, within walls; open ones give way."""

@@ -14,7 +14,7 @@ from geometry.survey.frames import check_end, frames_around, frames_of
 from geometry.survey.marks import Mark
 from geometry.survey.measured import Along, Deposit, Length, exponential_correlation
 from geometry.survey.site import NOT_MADE, Site
-from geometry.survey.toe_runout import check_has_toe, toe_runout
+from geometry.survey.toe_runout import check_has_toe, runout_of
 
 #: Times that are proposed, in falls from the section's height.
 TIMES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
@@ -84,40 +84,22 @@ class ToeHistory(Length):
         frames, shares = frames_around(time, np.minimum(self.times_s, time[-1]))
         values, known = np.zeros(len(frames)), np.unique(frames)
         if not derivative:
-            toes = {frame: self._runout(deposit, positions[frame]) for frame in known}
+            toes = {
+                frame: runout_of(deposit, self.side, position=positions[frame]) for frame in known
+            }
             for k, j in np.ndindex(frames.shape):
                 values[k] += shares[k, j] * toes[frames[k, j]]
             return values
-        sloped = {frame: self._sloped_runout(deposit, positions[frame]) for frame in known}
+        sloped = {
+            frame: runout_of(deposit, self.side, position=positions[frame], derivative=True)
+            for frame in known
+        }
         changes = np.zeros((len(frames), 2, *positions.shape[1:]))
         for k, j in np.ndindex(frames.shape):
             runout, slope = sloped[frames[k, j]]
             values[k] += shares[k, j] * runout
             changes[k, j] = shares[k, j] * slope
         return values, frames, changes
-
-    def _runout(self, deposit: Deposit, position: np.ndarray) -> float:
-        return toe_runout(
-            position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=deposit.foot[self.side],
-            front=deposit.front.get(self.side),
-            ground=deposit.ground,
-        )
-
-    def _sloped_runout(self, deposit: Deposit, position: np.ndarray) -> tuple[float, np.ndarray]:
-        return toe_runout(
-            position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=deposit.foot[self.side],
-            front=deposit.front.get(self.side),
-            ground=deposit.ground,
-            derivative=True,
-        )
 
     def check_in(self, scene: Scene, feet: Mapping[Side, float], where: str) -> None:
         """A history has no place on the section, but a side that must have a toe."""

@@ -118,6 +118,35 @@ def toe_runout(
     return outward * (place - initial_toe), change
 
 
+def runout_of(
+    deposit: Deposit,
+    side: Side,
+    *,
+    position: np.ndarray | None = None,
+    start: float | None = None,
+    derivative: bool = False,
+) -> Any:
+    """`toe_runout` of a deposit.
+
+    Args:
+        deposit: on its ground.
+        side: left or right.
+        position: of its points, (N, 2) [m]; None: where they are in the end.
+        start: x from which it is counted [m]; None: the foot of the section.
+        derivative: return also the derivative.
+    """
+    return toe_runout(
+        deposit.position if position is None else position,
+        deposit.volume,
+        spacing=deposit.spacing,
+        side=side,
+        initial_toe=deposit.foot[side] if start is None else start,
+        front=deposit.front.get(side),
+        ground=deposit.ground,
+        derivative=derivative,
+    )
+
+
 def _edge_of_sheet(
     points: np.ndarray,
     volume: np.ndarray | float,
@@ -207,16 +236,7 @@ class ToeRunout(SingleLength):
 
     def read_points(self, deposit: Deposit, *, derivative: bool) -> Any:
         """Runout [m]."""
-        return toe_runout(
-            deposit.position,
-            deposit.volume,
-            spacing=deposit.spacing,
-            side=self.side,
-            initial_toe=deposit.foot[self.side],
-            front=deposit.front.get(self.side),
-            ground=deposit.ground,
-            derivative=derivative,
-        )
+        return runout_of(deposit, self.side, derivative=derivative)
 
     def by_eye(self, deposit: Deposit) -> float:
         """Runout of the outermost connected point [m]."""

@@ -16,8 +16,8 @@ from pipeline.files import atomic_path
 
 Kept = TypeVar("Kept")
 
-# What zipfile and numpy raise on a file that is cut short or damaged, depending on where. Of memory
-# where a header claims more than there is.
+#: What zipfile and numpy raise on a file that is cut short or damaged, depending on where; an error
+#: of memory where a header claims more than there is.
 DAMAGE = (
     OSError,
     KeyError,

@@ -44,8 +44,8 @@ class Engine:
         effects: it simulates the physical effects of a scene, and whatever may be assumed of its
             soils, its water and its ground.
         reads: whether it can predict a measurement.
-        unseen: of an engine without effects: why it has no answer to a changed setup, or the same
-            as to the setup before; empty: it has one. None: it knows sections and surveys alone.
+        unseen: of an engine without effects: reason why it cannot predict a changed setup, or would
+            ignore the change; empty if it can. None: only changes of section and survey count.
         waterfall: it can solve the steps of a waterfall, which may be sections of other cases.
         extra: of the installation, without which it cannot run; empty: it needs none.
     """

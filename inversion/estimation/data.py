@@ -178,8 +178,8 @@ class Data:
         held_out: places of the held-out numbers, (h,).
         censored: (m,) bool: an upper limit that was not exceeded; None: no number is.
         strength_error: share by which the slide's own strengths may differ from those that the
-            model needs for it. It changes no prediction, as a strength without a prior does all
-            that it could; the strengths that are found are less certain by it.
+            model needs for it. Predictions are unchanged, because a free strength absorbs the same
+            error; it widens the standard deviation of the strengths.
     """
 
     measured: np.ndarray

@@ -1,12 +1,11 @@
 """Step 0: what no fit may see, decided before the first fit.
 
 A contiguous block of a series and a whole measurement, or what the file names. Every fifth point of
-a profile would be merely interpolated by its neighbours. Where little was measured nothing is held
-out: two numbers less of four would be half of what is known.
+a profile would merely be interpolated by its neighbours. Where little was measured nothing is held
+out: two numbers of four would be half of what is known.
 
-A block where nothing moves tells nothing: no model predicts it better than another. So what is held
-out lies where the parameters move the numbers, which predictions alone decide, never the measured
-values.
+A block that no model changes has no power. What is held out therefore lies where the parameters
+change the predictions; the measured values have no part in the choice.
 """
 
 from __future__ import annotations

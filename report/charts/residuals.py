@@ -57,29 +57,21 @@ def _draw_series(ax: Axes, data: DiagnosisData, series: MeasurementSeries) -> No
         ax.plot(
             [line.place] * 2, [0, line.residual_base], color=style.BEFORE, linewidth=1.2, zorder=3
         )
-        ax.plot(
-            [line.place],
-            [line.residual_base],
-            marker=mark,
-            color=style.BEFORE,
-            markersize=5.5,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
-            zorder=4,
-        )
-        reach = max(reach, abs(line.residual_base))
+        marked = [(line.residual_base, style.BEFORE, 4)]
         if data.final is not None and line.residual_final is not None:
+            marked.append((line.residual_final, style.AFTER, 5))
+        for residual, colour, layer in marked:
             ax.plot(
                 [line.place],
-                [line.residual_final],
+                [residual],
                 marker=mark,
-                color=style.AFTER,
+                color=colour,
                 markersize=5.5,
                 markeredgecolor="white",
                 markeredgewidth=0.6,
-                zorder=5,
+                zorder=layer,
             )
-            reach = max(reach, abs(line.residual_final))
+            reach = max(reach, abs(residual))
     ax.set_ylim(-1.15 * reach, (1.45 if _shaded(data, series) else 1.15) * reach)
     _shade_window(ax, data, series)
     style.title(ax, style.wrapped(series.name, 52, 1))

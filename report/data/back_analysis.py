@@ -7,8 +7,6 @@ out.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from geometry.survey.measurements import FILE_NAME as MEASUREMENTS
 from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.result import MeasurementAnswer, ParameterAnswer, Result, load_result
 from inversion.back_analysis.result_files import RUN, SECTIONS, with_neighbours
+from inversion.engines.content_store import DAMAGE
 from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
 from mpm_taichi.trajectory import Run, read_run
 from pipeline.cli import InputError
@@ -243,15 +242,7 @@ def _sections(path: Path) -> Sections | None:
                 },
                 answer=int(file["answer"]),
             )
-    except (
-        OSError,
-        EOFError,
-        KeyError,
-        RuntimeError,
-        ValueError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
+    except DAMAGE as error:
         raise InputError(
             f"{path}: cannot be read ({error}); delete it or run the analysis again"
         ) from None

@@ -12,28 +12,54 @@ from flowslide import api
 from flowslide.run import Call, SectionOptions
 
 COMMANDS = Path(__file__).resolve().parents[2] / "flowslide" / "commands"
-#: Of what works on a question: names, and the documents that an answer leaves.
+#: Of what works on a question: names of engines, which are options and folders; and the documents
+#: that an answer leaves, which `report` prints again.
 NAMES = {
-    "inversion.engines.registry", "inversion.back_analysis.result", "inversion.posterior.document",
-    "inversion.classical.document", "diagnosis.session", "diagnosis.verdict.verdict",
-    "diagnosis.verdict.verdict_builder", "diagnosis.verdict.fitted_models",
-    "diagnosis.hypotheses.hypothesis_file",
-}  # fmt: skip
+    "inversion.engines.registry.MPM",
+    "inversion.engines.registry.engine_named",
+    "inversion.engines.registry.engines",
+    "inversion.back_analysis.result.load_result",
+    "inversion.posterior.document.load_posterior",
+    "diagnosis.verdict.verdict.load_verdict",
+}
 #: Commands that ask no question about a case: `new` writes one, `catalogue` prints a table.
 OTHERS = {"new.py", "catalogue.py"}
 
 
-def asked(path: Path) -> list[str]:
-    """Modules of `inversion` and `diagnosis` that a command imports."""
-    found = [node.module or "" for node in ast.walk(ast.parse(path.read_text()))
-             if isinstance(node, ast.ImportFrom)]  # fmt: skip
-    return [name for name in found if name.partition(".")[0] in ("inversion", "diagnosis")]
+def asked(text: str) -> set[str]:
+    """What a command imports of `inversion` and `diagnosis`, unless for types alone."""
+    tree, found = ast.parse(text), set()
+    tree.body = [node for node in tree.body if not _for_types(node)]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in found if name.partition(".")[0] in ("inversion", "diagnosis")}
+
+
+def _for_types(node: ast.stmt) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
 
 
 @pytest.mark.parametrize("path", sorted(COMMANDS.rglob("*.py")), ids=lambda path: path.stem)
 def test_a_command_asks_through_the_interface(path):
     if path.name not in OTHERS:
-        assert set(asked(path)) <= NAMES
+        assert asked(path.read_text()) <= NAMES
+
+
+def test_every_exception_is_one():
+    used = {name for path in COMMANDS.rglob("*.py") for name in asked(path.read_text())}
+    assert used >= NAMES
+
+
+def test_what_is_asked():
+    assert asked("import inversion.joint as j\nfrom report import joint") == {"inversion.joint"}
+    assert asked("def run():\n    from diagnosis.case import a, b") == {
+        "diagnosis.case.a",
+        "diagnosis.case.b",
+    }
+    assert not asked("if TYPE_CHECKING:\n    from diagnosis.session import Session")
 
 
 def test_names_are_listed_once():

@@ -27,6 +27,16 @@ def test_a_name_is_found_from_any_working_directory(case_folder, tmp_path, monke
     assert case.title == "Lower San Fernando Paper"
 
 
+def test_a_body_is_no_case(bare):
+    body = bare / "scene3d.yaml"
+    body.write_text("ground: ground.tif\n")
+    assert load_case(bare).name == "dam", "a section over a width"
+    (bare / "scene.yaml").unlink()
+    for place in (bare, body):
+        with pytest.raises(InputError, match="a body in three dimensions; this takes a section"):
+            load_case(place)
+
+
 def test_the_foot_is_the_surveyed_one_else_the_drawn_one(case_folder, bare):
     case = load_case(case_folder)
     assert case.feet["left"] == case.measurements.foot("left") is not None

@@ -25,8 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Extend, write, print."""
-    from diagnosis.hypotheses.hypothesis_file import FOLDER
-    from diagnosis.verdict.fitted_models import effect_answers, measurement_lines
     from flowslide import api
     from report.diagnosis import measurements_text
     from report.numbers import from_to, with_unit
@@ -34,23 +32,13 @@ def run(arguments: argparse.Namespace) -> None:
 
     with session_of(arguments, "extension") as session:
         done = api.extend(session, arguments.add, arguments.notes)
-    found, data = done.found, done.comparison.base.data
-    words = {c.name: (c.unit, c.words) for c in done.asked.model.candidates}
-    for answer in effect_answers(data, found.after.fit, words):
+    for answer in done.effects:
         value = with_unit(answer.amplitude, answer.unit)
         print(f"{answer.name}: {value}, 95 % {from_to(*answer.interval_95, answer.unit)}")
-    lines = measurement_lines(
-        done.asked.model.targets,
-        done.comparison.places,
-        data,
-        done.comparison.base.covariance.survey,
-        found.before.fit.prediction,
-        found.after.fit.prediction,
-    )
-    passes = "passes every condition of the loop" if not found.why_not else found.why_not
+    passes = done.why_not or "passes every condition of the loop"
     print(f"\n{steps_table([done.before, done.after]).text()}")
     print(f"\n{arguments.add}: {passes}")
-    print(f"\n{measurements_text(lines)}")
-    print(f"\nwrote {session.folder / FOLDER / done.after.hypothesis}.yaml")
+    print(f"\n{measurements_text(done.measurements)}")
+    print(f"\nwrote {done.file}")
     print(done.asked.runs_line())
     write_page_of_track(arguments, session)

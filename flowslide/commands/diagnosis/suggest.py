@@ -24,17 +24,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Suggest, print."""
-    from diagnosis.verdict.verdict_builder import next_part, sentence
     from flowslide import api
     from report.tables.diagnosis import next_table, outcomes_table
 
     at_least_one("--n", arguments.n)
     with session_of(arguments, "suggestion") as session:
         found = api.suggest(session, arguments.n)
-    lines = next_part(found.next_measurement)
-    print(f"{sentence(found)}\n")
-    print(next_table(lines).text() or "Nothing can be suggested here.")
+    print(f"{found.sentence}\n")
+    print(next_table(found.measurements).text() or "Nothing can be suggested here.")
     print("\ngain: expected squared separation, in variances of the measurement and the models")
-    if readings := outcomes_table(lines).text():
+    if readings := outcomes_table(found.measurements).text():
         print(f"\n{readings}")
     print(session.runs_line())

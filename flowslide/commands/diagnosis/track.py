@@ -23,20 +23,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the way, write its page."""
-    from diagnosis.hypotheses.hypothesis_file import hypothesis_files
-    from diagnosis.verdict.fitted_models import kept_step
     from flowslide import api
     from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "track") as session:
         track = api.track(session)
     print(steps_table(track.steps, track.by_hand, track.notes).text())
-    for name in hypothesis_files(session.folder):
-        if not kept_step(session.folder, name):
-            print(
-                f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "
-                f"--hypothesis {name}"
-            )
+    for name in track.not_judged:
+        print(
+            f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "
+            f"--hypothesis {name}"
+        )
     write_page_of_track(arguments, session)
 
 
