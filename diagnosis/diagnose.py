@@ -18,7 +18,7 @@ from diagnosis.ranking import Ranking
 from diagnosis.selection.decide import Decision, decide
 from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.forward_selection import run_rounds
-from diagnosis.selection.next_measurement import Suggestion, suggest
+from diagnosis.selection.next_measurement import Suggestion, refutation, suggest
 from diagnosis.selection.pair_search import search_pairs
 from diagnosis.selection.selection import Selection
 from diagnosis.selection.tried_models import TriedModels
@@ -43,6 +43,8 @@ class Diagnosis:
         decision: the verdict.
         curve: the unknown strength curve, where one was fitted.
         next_measurement: what would tell the surviving explanations apart.
+        refutation: by which measurement the answer could be refuted; None: by none, or there is no
+            answer.
     """
 
     model: Model
@@ -53,6 +55,7 @@ class Diagnosis:
     decision: Decision
     curve: FoundCurve | None = None
     next_measurement: Sequence[Suggestion] = ()
+    refutation: Suggestion | None = None
 
 
 def diagnose(
@@ -103,7 +106,22 @@ def diagnose(
         final = decision.final.model
         curve = find_curve(explanation.context.of(final), final, model.curves)
         found = replace(found, curve=curve)
-    return replace(found, next_measurement=next_measurements(found, count))
+    test = refuting_measurement(found)
+    return replace(found, next_measurement=next_measurements(found, count), refutation=test)
+
+
+def refuting_measurement(found: Diagnosis) -> Suggestion | None:
+    """By which measurement the answer could be refuted; None: by none, or there is no answer."""
+    if not isinstance(found.model, Proposing):
+        return None
+    return refutation(
+        found.model,
+        found.comparison,
+        found.explanation,
+        found.tried_models,
+        found.decision,
+        found.options,
+    )
 
 
 def next_measurements(found: Diagnosis, count: int) -> list[Suggestion]:

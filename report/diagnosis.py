@@ -119,7 +119,7 @@ def summary(document: Document, folder: str | Path) -> str:
         parts += [tables.steps_table(verdict.steps).text(), words.validation_sentence(data)]
         parts.append(tables.next_table(verdict.next_measurement).text())
         parts.append(words.refuted_sentence(verdict))
-        parts.append(tables.outcomes_table(verdict.next_measurement).text())
+        parts.append(tables.outcomes_table(words.foreseen(verdict)).text())
     parts.append(words.error_sentence(data))
     if document.runs.cut_short:
         skipped = ", ".join(document.runs.cut_short)
@@ -369,7 +369,7 @@ def _next(data: DiagnosisData) -> PageSection:
     )
     refuted = words.refuted_sentence(data.verdict)
     shown = [*tabulated(tables.next_table(found)), *said([refuted])]
-    readings = tables.outcomes_table(found)
+    readings = tables.outcomes_table(words.foreseen(data.verdict))
     return PageSection(
         title,
         [*said([see]), *shown, *(tabulated(readings) if readings.rows else []), *said([error])],

@@ -17,6 +17,10 @@ what may still hide.
 With every measurement goes what each rival says that it would read: what lies outside all of these
 refutes them all.
 
+An answer has a test besides (`refutation`): the measurement whose reading by it differs most from
+that by the candidates at the amplitudes that would just be found, whether they explain or not. For
+an unlisted cause may do what any of them does.
+
 Predictions of what has not been measured are read from runs that were made for other reasons: no
 run is asked for.
 """
@@ -48,6 +52,8 @@ from pipeline.ties import largest_place
 LEAST_SHARE, MOST_RIVALS = 0.02, 4
 #: Weight of what an explanation is held against, where only it is to be told from each of them.
 AGAINST = 1e-3
+#: Separation in squared std beyond which a candidate counts as told from an answer: three of them.
+MOST_APART = 9.0
 #: A proposal that a larger share of the runs cannot read is none.
 MOST_UNREAD = 0.1
 #: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
@@ -190,6 +196,46 @@ def suggest(
         replace(one, outcomes=outcomes(one.proposal, said, error))
         for one in greedy(readable.proposals, rivals, error, count)
     ]
+
+
+def refutation(
+    model: Proposes,
+    comparison: Comparison,
+    explanation: Explanation,
+    tried_models: TriedModels,
+    decision: Decision,
+    options: Options,
+) -> Suggestion | None:
+    """The measurement by which the answer could be refuted; arguments as for `suggest`.
+
+    None where nothing explains, or nothing is proposed. Its gain is the mean separation from the
+    candidates, each at most `MOST_APART`.
+    """
+    lead = tuple(decision.final.model.names)
+    readable = Readable.of(model, comparison) if lead and decision.chance is not None else None
+    if readable is None or not readable.proposals:
+        return None
+    others = _survivors(readable, comparison, tried_models, decision)
+    answer = next((one for one in others if one.names == lead), None)
+    others = [one for one in others if one.names != lead]
+    if answer is None:
+        return None
+    base, *candidates = _hidden(readable, comparison, explanation, options)
+    error, finer = proposal_error(readable, comparison, options)
+    apart = [told_apart(answer, candidates, error, one.index) for one in readable.proposals]
+    place = largest_place(np.array(apart))
+    said = [answer, *others, *([] if any(not one.names for one in others) else [base])]
+    said = [replace(one, mean=one.mean + finer) for one in said]
+    proposal = readable.proposals[place]
+    return Suggestion(proposal, apart[place], outcomes(proposal, said, error))
+
+
+def told_apart(
+    answer: Rival, candidates: Sequence[Rival], error: np.ndarray, index: Sequence[int]
+) -> float:
+    """Mean separation of an answer from each candidate by some numbers, at most `MOST_APART`."""
+    each = [separation([answer, one], error, index) for one in candidates]
+    return float(np.mean([min(one, MOST_APART) for one in each if np.isfinite(one)] or [0.0]))
 
 
 def one_against(rivals: Sequence[Rival]) -> list[Rival]:

@@ -420,6 +420,11 @@ class Verdict(StrictDocument):
     )
     unknown_curve: UnknownCurve | None = Field(description="only where nothing in the list passes")
     next_measurement: list[NextMeasurement] = Field(description="best first")
+    refutation: NextMeasurement | None = Field(
+        None,
+        description="by which the answer could be refuted; gain: mean separation from candidates, "
+        "each at most 9; null: there is no answer, none is proposed, or an earlier file",
+    )
     validation_case: ValidationCase | None = Field(
         None, description="on a second section or event; null: none was given"
     )

@@ -400,6 +400,7 @@ def verdict_document(
         hidden=hidden_part(explanation, model),
         unknown_curve=None if found.curve is None else curve_part(found.curve),
         next_measurement=next_part(found.next_measurement),
+        refutation=None if found.refutation is None else _proposed(found.refutation),
         runs=runs_part(base.runs),
         seconds=None,
         hashes={},
@@ -425,22 +426,23 @@ def curve_part(found: FoundCurve) -> verdict.UnknownCurve:
 
 def next_part(suggested: Sequence[Suggestion]) -> list[verdict.NextMeasurement]:
     """What to measure next."""
-    return [
-        verdict.NextMeasurement(
-            name=one.proposal.name,
-            words=one.proposal.words,
-            gain=one.gain,
-            parts=list(one.proposal.parts),
-            unit=one.proposal.unit,
-            outcomes=[
-                verdict.PredictedReading(
-                    names=list(said.names), values=said.values.tolist(), std=said.std.tolist()
-                )
-                for said in one.outcomes
-            ],
-        )
-        for one in suggested
-    ]
+    return [_proposed(one) for one in suggested]
+
+
+def _proposed(one: Suggestion) -> verdict.NextMeasurement:
+    return verdict.NextMeasurement(
+        name=one.proposal.name,
+        words=one.proposal.words,
+        gain=one.gain,
+        parts=list(one.proposal.parts),
+        unit=one.proposal.unit,
+        outcomes=[
+            verdict.PredictedReading(
+                names=list(said.names), values=said.values.tolist(), std=said.std.tolist()
+            )
+            for said in one.outcomes
+        ],
+    )
 
 
 def sentence(found: Diagnosis) -> str:

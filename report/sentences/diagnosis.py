@@ -85,11 +85,22 @@ def reading_words(entry: NextMeasurement, said: PredictedReading) -> str:
     return ", ".join(f"{part} {text}".strip() for part, text in zip(parts, numbers, strict=True))
 
 
+def foreseen(found: Verdict | None) -> list[NextMeasurement]:
+    """Measurements whose readings are foreseen: the test of the answer, then what to do next."""
+    if found is None:
+        return []
+    test = [] if found.refutation is None else [found.refutation]
+    names = [one.name for one in test]
+    return [*test, *(one for one in found.next_measurement if one.name not in names)]
+
+
 def refuted_sentence(found: Verdict | None) -> str:
-    """How an explanation could be refuted: by the first measurement that is proposed."""
-    if found is None or not found.next_measurement or not found.next_measurement[0].outcomes:
+    """How an answer, or an adequate base model, could be refuted by one measurement."""
+    first = next(iter(foreseen(found)), None)
+    if found is None or first is None or not first.outcomes:
         return ""
-    first = found.next_measurement[0]
+    if found.refutation is None and found.verdict not in ("adequate", "suspect"):
+        return ""  # nothing explains: there is nothing to refute
     said = first.outcomes[0]
     claim = explanation(said.names) if said.names else "the base model"
     return (

@@ -24,6 +24,7 @@ from diagnosis.selection.next_measurement import (
     proposal_error,
     read_at,
     separation,
+    told_apart,
 )
 from inversion.estimation.hold_out import HoldOut
 from inversion.problem.state import State
@@ -78,6 +79,25 @@ def test_the_test_of_an_answer_is_held_against_each_of_the_others():
     assert separation(rivals[1:], np.eye(2), [0]) == pytest.approx(36.0)
     found = separation(one_against(rivals), np.eye(2), [0])
     assert found == pytest.approx(9.0, rel=0.01)
+
+
+def test_a_candidate_counts_as_told_apart_at_three_standard_deviations():
+    answer = rival([0.0, 0.0])
+    candidates = [rival([100.0, 2.0]), rival([0.0, 2.0]), rival([np.nan, 2.0])]
+    assert told_apart(answer, candidates, np.eye(2), [0]) == pytest.approx((9.0 + 0.0) / 2)
+    assert told_apart(answer, candidates, np.eye(2), [1]) == pytest.approx(4.0)
+
+
+def test_an_answer_is_tested_where_no_candidate_does_the_same():
+    offers = [("like many", 0.0, {"bend": 2.0, "late": 1.0, "step": 1.0}), *OFFERS[1:]]
+    found = diagnose(offering(3, {"bend": 1.5}, offers), QUICK)
+    test = found.refutation
+    assert found.decision.chance is not None and test is not None
+    assert test.outcomes[0].names == tuple(found.decision.final.model.names)
+    assert () in [one.names for one in test.outcomes], "what the base model says is told, too"
+    assert 0.0 < test.gain <= 9.0
+    assert diagnose(offering(21, {}, offers), QUICK).refutation is None, "there is no answer"
+    assert diagnose(straight(3, {"bend": 1.5}), QUICK).refutation is None, "nothing is proposed"
 
 
 def test_a_measurement_says_what_each_explanation_would_read():

@@ -418,6 +418,7 @@ def ambiguous() -> Verdict:
          ]},
         {"name": "toe history", "gain": 4.1, "words": "where the toe is after 5 s, to 1 m"},
     ]  # fmt: skip
+    made["refutation"] = made["next_measurement"][0]
     return Verdict.model_validate(made)
 
 
