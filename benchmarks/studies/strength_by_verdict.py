@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
 
 from benchmarks.generated_pages import ROOT, renew, table
 from benchmarks.hidden_effects.scoring.digest import StageDigest
@@ -41,7 +40,6 @@ WIDTHS = [step / 40.0 for step in range(25)]
 MOST_MISSED = 0.1
 """Share of truths, rounded up, that 95 % intervals may miss: twice what they say, as in a set that
 is to come."""
-SQRT_PI = math.sqrt(math.pi)
 #: Verdicts as the page groups them, and how.
 SAID = {
     "adequate": ("adequate",),
@@ -81,7 +79,8 @@ class Slide:
         """Continuous ranked probability score of ln S_r, a Gaussian; less is better."""
         std = math.hypot(self.std, beyond)
         z = self.off / std
-        return std * float(z * (2.0 * norm.cdf(z) - 1.0) + 2.0 * norm.pdf(z) - 1.0 / SQRT_PI)
+        density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        return std * (z * math.erf(z / math.sqrt(2.0)) + 2.0 * density - 1.0 / math.sqrt(math.pi))
 
 
 def slide(one: Judged) -> Slide:
