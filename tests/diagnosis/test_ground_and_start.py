@@ -200,6 +200,7 @@ def diagnosed(
         seed=1, draws=1000, replicates=6, synthetic=True, effects=TRIED, second_scheme=False,
         finer_share=0.0,
         finer_share_std=0.0,
+        deserved=0.0,  # what explains is named, however often such names were right elsewhere
     )  # fmt: skip
     return diagnose(model, options)
 
