@@ -18,7 +18,7 @@ from diagnosis.ranking import Ranking
 from diagnosis.selection.decide import Decision, decide
 from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.forward_selection import run_rounds
-from diagnosis.selection.next_measurement import Suggestion, refutation, suggest
+from diagnosis.selection.next_measurement import Foresight, Suggestion
 from diagnosis.selection.pair_search import search_pairs
 from diagnosis.selection.selection import Selection
 from diagnosis.selection.tried_models import TriedModels
@@ -106,34 +106,27 @@ def diagnose(
         final = decision.final.model
         curve = find_curve(explanation.context.of(final), final, model.curves)
         found = replace(found, curve=curve)
-    test = refuting_measurement(found)
-    return replace(found, next_measurement=next_measurements(found, count), refutation=test)
-
-
-def refuting_measurement(found: Diagnosis) -> Suggestion | None:
-    """By which measurement the answer could be refuted; None: by none, or there is no answer."""
-    if not isinstance(found.model, Proposing):
-        return None
-    return refutation(
-        found.model,
-        found.comparison,
-        found.explanation,
-        found.tried_models,
-        found.decision,
-        found.options,
-    )
+    ahead = _foresight(found)
+    if ahead is None:
+        return found
+    return replace(found, next_measurement=ahead.suggest(count), refutation=ahead.refutation())
 
 
 def next_measurements(found: Diagnosis, count: int) -> list[Suggestion]:
     """What to measure next, best first; none where the model proposes nothing."""
+    ahead = _foresight(found)
+    return [] if ahead is None else ahead.suggest(count)
+
+
+def _foresight(found: Diagnosis) -> Foresight | None:
+    """What could still be measured; None where the model proposes nothing."""
     if not isinstance(found.model, Proposing):
-        return []
-    return suggest(
+        return None
+    return Foresight(
         found.model,
         found.comparison,
         found.explanation,
         found.tried_models,
         found.decision,
         found.options,
-        count=count,
     )

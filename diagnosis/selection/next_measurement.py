@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -157,77 +158,127 @@ def _seeds(comparison: Comparison) -> list[State]:
     return [base.surface.space.state(base.surface.x, seed=seed) for seed in range(base.seeds)]
 
 
-def suggest(
-    model: Proposes,
-    comparison: Comparison,
-    explanation: Explanation,
-    tried_models: TriedModels,
-    decision: Decision,
-    options: Options,
-    *,
-    count: int,
-) -> list[Suggestion]:
-    """The next measurements, best first; none where the model proposes none.
+@dataclass(frozen=True)
+class Foresight:
+    """What could still be measured, and what explanations say of it.
 
-    Args:
+    Attributes:
         model: the diagnosed model; predicts what proposals would have read.
         comparison: of the base model.
         explanation: of its misfit.
         tried_models: models that were tried.
         decision: with the probability of each.
         options: whether data are synthetic.
-        count: how many measurements at most.
     """
-    if not model.proposals:
-        return []
-    readable = Readable.of(model, comparison)
-    if not readable.proposals:
-        return []
-    rivals = _survivors(readable, comparison, tried_models, decision)
-    if len(rivals) == 1 and rivals[0].names:  # the answer, and what comes next to it
-        rivals = one_against(_survivors(readable, comparison, tried_models, decision, least=0.0))
-    said = rivals
-    if len(rivals) < 2:
-        rivals = _hidden(readable, comparison, explanation, options)
-        said = rivals[:1]  # what candidates that were not fitted would do is only its direction
-    error, finer = proposal_error(readable, comparison, options)
-    said = [replace(one, mean=one.mean + finer) for one in said]
-    return [
-        replace(one, outcomes=outcomes(one.proposal, said, error))
-        for one in greedy(readable.proposals, rivals, error, count)
-    ]
 
+    model: Proposes
+    comparison: Comparison
+    explanation: Explanation
+    tried_models: TriedModels
+    decision: Decision
+    options: Options
 
-def refutation(
-    model: Proposes,
-    comparison: Comparison,
-    explanation: Explanation,
-    tried_models: TriedModels,
-    decision: Decision,
-    options: Options,
-) -> Suggestion | None:
-    """The measurement by which the answer could be refuted; arguments as for `suggest`.
+    @cached_property
+    def readable(self) -> Readable:
+        """The proposals; none where the model makes none."""
+        return Readable.of(self.model, self.comparison)
 
-    None where nothing explains, or nothing is proposed. Its gain is the mean separation from the
-    candidates, each at most `MOST_APART`.
-    """
-    lead = tuple(decision.final.model.names)
-    readable = Readable.of(model, comparison) if lead and decision.chance is not None else None
-    if readable is None or not readable.proposals:
-        return None
-    others = _survivors(readable, comparison, tried_models, decision)
-    answer = next((one for one in others if one.names == lead), None)
-    others = [one for one in others if one.names != lead]
-    if answer is None:
-        return None
-    base, *candidates = _hidden(readable, comparison, explanation, options)
-    error, finer = proposal_error(readable, comparison, options)
-    apart = [told_apart(answer, candidates, error, one.index) for one in readable.proposals]
-    place = largest_place(np.array(apart))
-    said = [answer, *others, *([] if any(not one.names for one in others) else [base])]
-    said = [replace(one, mean=one.mean + finer) for one in said]
-    proposal = readable.proposals[place]
-    return Suggestion(proposal, apart[place], outcomes(proposal, said, error))
+    @cached_property
+    def error(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of `proposal_error`."""
+        return proposal_error(self.readable, self.comparison, self.options)
+
+    @cached_property
+    def hidden(self) -> list[Rival]:
+        """The base model, and each candidate at the amplitude that would just be found.
+
+        Beyond the top of its ladder no amplitude is believed. The base model's weight is large
+        against theirs, so that each is compared with it and not with the others.
+        """
+        base, explanation = self.comparison.base, self.explanation
+        mean, slope = self._read(base.fit)
+        covariance = _open(base.data, base.fit, slope)
+        rivals = [Rival((), 1.0, mean, covariance)]
+        anchor = base.surface.space.state(base.surface.x)
+        linear = self.comparison.judged.system
+        candidates = {candidate.name: candidate for candidate in explanation.candidates}
+        for name in explanation.names:
+            amplitude, change = explanation.signatures[name].plain
+            states = [anchor, anchor.with_effects({name: amplitude})]
+            before, after = self.readable.propose(states)
+            if not np.all(np.isfinite(after)):
+                continue
+            size = float(np.linalg.norm(linear.project(linear.augmented(change))))
+            share = self.options.detectable / max(size, 1e-9)
+            count = candidates[name].scale.count
+            most = max(abs(count(rung)) for rung in candidates[name].ladder) / abs(count(amplitude))
+            met = -linear.imitating(linear.augmented(change))
+            apart = min(share, most) * (after - before + slope @ met)
+            rivals.append(Rival((name,), AGAINST, mean + apart, np.zeros_like(covariance)))
+        return rivals
+
+    def survivors(self, *, least: float = LEAST_SHARE) -> list[Rival]:
+        """Explanations that still have some probability, the most probable first."""
+        found: list[Rival] = []
+        for names, weight in self.decision.probability.items():
+            if weight < least or len(found) == MOST_RIVALS:
+                break
+            fit = self.tried_models.models[names].fit
+            mean, slope = self._read(fit)
+            covariance = _open(self.comparison.base.data, fit, slope)
+            found.append(Rival(names, max(weight, 1e-9), mean, covariance))
+        return found
+
+    def _read(self, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+        return read_at(self.readable, self.comparison, fit.space, fit.x)
+
+    @property
+    def nothing(self) -> bool:
+        """Nothing is proposed that can be read."""
+        return not self.model.proposals or not self.readable.proposals
+
+    def suggest(self, count: int) -> list[Suggestion]:
+        """The next measurements, best first, `count` at most."""
+        if self.nothing:
+            return []
+        rivals = self.survivors()
+        if len(rivals) == 1 and rivals[0].names:  # the answer, and what comes next to it
+            rivals = one_against(self.survivors(least=0.0))
+        said = rivals
+        if len(rivals) < 2:
+            rivals = self.hidden
+            said = rivals[:1]  # what candidates that were not fitted would do is only its direction
+        error, _ = self.error
+        return [
+            replace(one, outcomes=self._outcomes(one.proposal, said))
+            for one in greedy(self.readable.proposals, rivals, error, count)
+        ]
+
+    def refutation(self) -> Suggestion | None:
+        """The measurement by which the answer could be refuted.
+
+        None where nothing explains, or nothing is proposed. Its gain is the mean separation from
+        the candidates, each at most `MOST_APART`.
+        """
+        lead = tuple(self.decision.final.model.names)
+        if not lead or self.decision.chance is None or self.nothing:
+            return None
+        others = self.survivors()
+        answer = next((one for one in others if one.names == lead), None)
+        if answer is None:
+            return None
+        others = [one for one in others if one.names != lead]
+        base, *candidates = self.hidden
+        error, _ = self.error
+        proposals = self.readable.proposals
+        apart = [told_apart(answer, candidates, error, one.index) for one in proposals]
+        place = largest_place(np.array(apart))
+        said = [answer, *others, *([] if any(not one.names for one in others) else [base])]
+        return Suggestion(proposals[place], apart[place], self._outcomes(proposals[place], said))
+
+    def _outcomes(self, proposal: Proposal, said: Sequence[Rival]) -> tuple[ExpectedReading, ...]:
+        error, finer = self.error
+        return outcomes(proposal, [replace(one, mean=one.mean + finer) for one in said], error)
 
 
 def told_apart(
@@ -322,26 +373,6 @@ def separation(rivals: Sequence[Rival], error: np.ndarray, index: Sequence[int])
     return total / weights if weights > 0.0 else 0.0
 
 
-def _survivors(
-    model: Proposes,
-    comparison: Comparison,
-    tried_models: TriedModels,
-    decision: Decision,
-    *,
-    least: float = LEAST_SHARE,
-) -> list[Rival]:
-    """Explanations that still have some probability, the most probable first."""
-    found: list[Rival] = []
-    for names, weight in decision.probability.items():
-        if weight < least or len(found) == MOST_RIVALS:
-            break
-        fit = tried_models.models[names].fit
-        reading = read_at(model, comparison, fit.space, fit.x)
-        mean, slope = reading
-        found.append(Rival(names, max(weight, 1e-9), mean, _open(comparison.base.data, fit, slope)))
-    return found
-
-
 def read_at(
     model: Proposes, comparison: Comparison, space: Unknowns, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -365,35 +396,3 @@ def _open(data: Data, fit: Fit, slope: np.ndarray) -> np.ndarray:
     """What the unknowns of a fit leave open of the proposals, (q, q)."""
     linear = system(data, fit.space, fit.derivative, fit.x)
     return slope @ linear.posterior @ slope.T
-
-
-def _hidden(
-    model: Proposes, comparison: Comparison, explanation: Explanation, options: Options
-) -> list[Rival]:
-    """The base model, and each candidate at the amplitude that would just be found.
-
-    Beyond the top of its ladder no amplitude is believed. The base model's weight is large against
-    theirs, so that each is compared with it and not with the others.
-    """
-    base = comparison.base
-    fit = base.fit
-    mean, slope = read_at(model, comparison, fit.space, fit.x)
-    covariance = _open(base.data, fit, slope)
-    rivals = [Rival((), 1.0, mean, covariance)]
-    anchor = base.surface.space.state(base.surface.x)
-    linear = comparison.judged.system
-    candidates = {candidate.name: candidate for candidate in explanation.candidates}
-    for name in explanation.names:
-        amplitude, change = explanation.signatures[name].plain
-        states = [anchor, anchor.with_effects({name: amplitude})]
-        before, after = model.propose(states)
-        if not np.all(np.isfinite(after)):
-            continue
-        size = float(np.linalg.norm(linear.project(linear.augmented(change))))
-        share = options.detectable / max(size, 1e-9)
-        count = candidates[name].scale.count
-        most = max(abs(count(rung)) for rung in candidates[name].ladder) / abs(count(amplitude))
-        met = -linear.imitating(linear.augmented(change))
-        apart = min(share, most) * (after - before + slope @ met)
-        rivals.append(Rival((name,), 1e-3, mean + apart, np.zeros_like(covariance)))
-    return rivals
