@@ -408,6 +408,22 @@ def _upwelling(one: Hidden, loading: Loading, moment: Moment) -> np.ndarray:
     return np.column_stack([np.zeros_like(up), up])
 
 
+def _mixes(one: Hidden, loading: Loading, moment: Moment, cohesion: np.ndarray) -> np.ndarray:
+    """S = S_r (1 + a d / H) of soil that has travelled d from its place, H the section's height."""
+    way = np.linalg.norm(moment.position - loading.points.position, axis=1)
+    more = 1.0 + one.amplitude * way / height(loading.scene)
+    return np.where(loading.liquefied, more * cohesion, cohesion)
+
+
+def _aftershock(one: Hidden, loading: Loading, moment: Moment) -> np.ndarray:
+    """Shaking of a g at 1 Hz from 8 to 14 s."""
+    since = (moment.time - 8.0) / 6.0
+    size = 0.0
+    if 0.0 < since < 1.0:
+        size = -np.sin(np.pi * since) ** 2 * np.cos(2.0 * np.pi * (moment.time - 8.0))
+    return np.tile([one.amplitude * GRAVITY * size, 0.0], (len(loading.points), 1))
+
+
 def _right(*names: str) -> frozenset[str]:
     return frozenset(names)
 
@@ -486,5 +502,9 @@ THINGS: dict[str, Thing] = {
               [(0.1, 0.5)], cohesion=_slips_as_it_moves, changes=True, later=True),
         Thing("upwelling", "water that wells up lifts the liquefied soil", "g", [(0.15, 0.4)],
               acceleration=_upwelling, later=True),
+        Thing("mixing", "liquefied soil regains strength on its way", "", [(0.15, 0.6)],
+              cohesion=_mixes, changes=True, later=True),
+        Thing("aftershock", "the ground shakes again during the flow", "g", [(0.3, 0.8)],
+              acceleration=_aftershock, later=True),
     )
 }  # fmt: skip
