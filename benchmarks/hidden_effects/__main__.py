@@ -1,6 +1,6 @@
 """The benchmark of hidden effects: make it, run it, score it.
 
-python -m benchmarks.hidden_effects plan|make|reopen|run|strangers|score
+python -m benchmarks.hidden_effects plan|make|reopen|run|strangers|baselines|score
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         simulation = config.simulation.model_copy(update={"water": _water(arguments)})
         config = config.model_copy(update={"simulation": simulation})
     steps = {"plan": _plan, "make": _make, "reopen": _reopen, "run": _run, "score": _score,
-             "strangers": _strangers}  # fmt: skip
+             "strangers": _strangers, "baselines": _baselines}  # fmt: skip
     return steps[arguments.step](arguments, config)
 
 
@@ -51,10 +51,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "step",
-        choices=("plan", "make", "reopen", "run", "strangers", "score"),
+        choices=("plan", "make", "reopen", "run", "strangers", "baselines", "score"),
         help="plan: measure how well each effect can be seen; make: simulate and seal the cases; "
         "reopen: write the cases of an opened set from its --record; run: diagnose them; "
         "strangers: judge the slides of an opened set by a library that lacks what is hidden; "
+        "baselines: what other methods say of the slides of an opened set that are diagnosed; "
         "score: open the seals, write score.md",
     )
     parser.add_argument(
@@ -70,8 +71,8 @@ def _parser() -> argparse.ArgumentParser:
         "--part",
         metavar="K/N",
         default="1/1",
-        help="make, run, strangers: the K-th of N shares of the cases, for several jobs; "
-        "default: 1/1",
+        help="make, run, strangers, baselines: the K-th of N shares of the cases, for several "
+        "jobs; default: 1/1",
     )
     parser.add_argument(
         "--cases",
@@ -81,8 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--runs",
         metavar="DIR",
-        help="run, strangers: keep the simulations here, so that another version of the method "
-        "finds those that it has in common; default: in memory",
+        help="run, strangers, baselines: keep the simulations here, so that another version of "
+        "the method finds those that it has in common; default: in memory",
     )
     parser.add_argument(
         "--variants",
@@ -93,8 +94,8 @@ def _parser() -> argparse.ArgumentParser:
         "--record",
         metavar="FILE",
         help="score: where truths and verdicts are kept; given without --out's verdicts, it is "
-        f"read instead; default: <out>/{RECORD}; reopen: the record; strangers: where their "
-        "verdicts are added; default: the one that is shipped",
+        f"read instead; default: <out>/{RECORD}; reopen: the record; strangers, baselines: where "
+        "what they say is added; default: the one that is shipped",
     )
     parser.add_argument("--threads", type=int, metavar="N", help="CPU threads; default: all")
     return add_common(parser)
@@ -299,6 +300,34 @@ def _strangers(arguments: argparse.Namespace, config: Config) -> int:
         )
     strangers.save_twice(found, record)
     print(table(strangers.HEADER, strangers.rows_of(strangers.load_twice(record))))
+    return 0
+
+
+def _baselines(arguments: argparse.Namespace, config: Config) -> int:
+    from benchmarks.hidden_effects.baselines import curve
+    from benchmarks.hidden_effects.baselines import run as baselines
+    from benchmarks.hidden_effects.making.benchmark import Places
+
+    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    record = Path(arguments.record or baselines.RECORD)
+    total = len(baselines.judged_cases(places)[part.k :: part.n])
+    _keep_origin(
+        places.out / f"{baselines.FOLDER}_{JUDGED_BY}",
+        _judged_by(places, config),
+        places.out.glob(f"{baselines.FOLDER}/*.json"),
+    )
+    with Progress(total, "asking other methods", quiet=arguments.quiet) as progress:
+        found = baselines.run_baselines(
+            places,
+            config,
+            Path(arguments.benchmark).stem,
+            part=part,
+            threads=arguments.threads,
+            runs=arguments.runs,
+            on_case=lambda done, _, words: progress.advance(1, words),
+        )
+    baselines.save_answers(found, record)
+    print(table(curve.HEADER, curve.rows_of(baselines.load_answers(record))))
     return 0
 
 

@@ -68,21 +68,11 @@ class ByCode:
 
     @property
     def right(self) -> bool:
-        """What it gives stands for what was hidden, and nothing else is given.
-
-        Physical effects are laws of their own: there the family alone says nothing, and one of its
-        members that cannot be told apart must be right.
-        """
-        thing = self.thing
-        if thing is None or thing.stranger or not self.answers:
+        """What it gives stands for what was hidden, and nothing else is given."""
+        digest = self.judged.digest
+        if self.thing is None or not self.answers:
             return False
-        named = set(self.judged.digest.effects)
-        if named and named <= thing.right:
-            return True
-        if not self.families or not self.families <= thing.families:
-            return False
-        members = {*named, *self.judged.digest.members}
-        return "physics" not in self.families or bool(members & thing.right)
+        return right_for(self.thing, set(digest.effects), self.families, set(digest.members))
 
     @property
     def unlike(self) -> bool:
@@ -90,6 +80,21 @@ class ByCode:
         named = set(self.judged.digest.effects)
         alike = self.thing.alike if self.thing is not None else frozenset()
         return self.judged.attributed and not (named and named <= alike)
+
+
+def right_for(thing: Thing, named: set[str], families: frozenset[str], members: set[str]) -> bool:
+    """Names, or families, stand for a thing and for nothing else.
+
+    Physical effects are laws of their own: there the family alone says nothing, and one of its
+    members that cannot be told apart must be right.
+    """
+    if thing.stranger:
+        return False
+    if named and named <= thing.right:
+        return True
+    if not families or not families <= thing.families:
+        return False
+    return "physics" not in families or bool((named | members) & thing.right)
 
 
 def gives_name(one: Judged) -> bool:

@@ -1,0 +1,183 @@
+"""All answers against the truths: risk over coverage, false names, S_r.
+
+In: rows of the record, a slide each with its truth and all answers. Out: the figures of each
+method, a table and a picture. *Coverage* is the share of the slides on which a name is given as the
+confidence that is asked for falls; *risk* the share of these names that are wrong. Where nothing or
+a stranger is hidden every name is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from benchmarks.generated_pages import table
+from benchmarks.hidden_effects.baselines.answers import Answer
+from pipeline.documents import StrictDocument
+
+OWN = "diagnosis"
+#: Method -> words.
+METHODS = {
+    OWN: "diagnosis",
+    "nearest": "nearest signature",
+    "aic": "AIC by refit",
+    "bic": "BIC by refit",
+    "classifier": "classifier",
+    "discrepancy": "Gaussian-process discrepancy",
+}
+HEADER = (
+    "", "names by its own rule: right", "of nulls", "of strangers", "risk at the coverage of the "
+    "diagnosis", "mean risk", "alarm: nulls", "hidden", "S_r off by: half", "nine of ten",
+    "within its 95 %",
+)  # fmt: skip
+
+
+class Row(StrictDocument):
+    """A slide and all answers."""
+
+    of: str = Field(description="words for its set")
+    truth: dict[str, Any] = Field(description="what a record of strangers keeps of it")
+    answers: dict[str, Answer] = Field(description="by method")
+
+    @property
+    def kind(self) -> str:
+        """Of the slide."""
+        return self.truth["kind"]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Risk over coverage.
+
+    Attributes:
+        right: of the names, the surest first, (n,) bool.
+        slides: how many there are.
+    """
+
+    right: np.ndarray
+    slides: int
+
+    @classmethod
+    def of(cls, rows: Sequence[Row], method: str) -> Curve:
+        """Of the slides on which a method has a name, given by its own rule or not."""
+        named = [row for row in rows if row.answers[method].names]
+        named.sort(key=lambda row: -row.answers[method].confidence)
+        right = [row.answers[method].right(row.truth) for row in named]
+        return cls(np.array(right, dtype=bool), len(rows))
+
+    @property
+    def coverage(self) -> np.ndarray:
+        """After each name, (n,)."""
+        return np.arange(1, len(self.right) + 1) / self.slides
+
+    @property
+    def risk(self) -> np.ndarray:
+        """After each name, (n,)."""
+        return np.cumsum(~self.right) / np.arange(1, len(self.right) + 1)
+
+    def at(self, names: int) -> float | None:
+        """Risk of so many names; None where there are fewer."""
+        return float(self.risk[names - 1]) if 0 < names <= len(self.right) else None
+
+    def mean(self, names: int) -> float | None:
+        """Mean risk up to so many names: the area under the curve over its width."""
+        return float(self.risk[:names].mean()) if 0 < names <= len(self.right) else None
+
+
+def rows_of(rows: Sequence[Row]) -> list[list[str]]:
+    """The table, a method in each row."""
+    curves = {name: Curve.of(rows, name) for name in METHODS}
+    own = sum(row.answers[OWN].given for row in rows)
+    common = min((len(one.right) for one in curves.values() if len(one.right)), default=0)
+    return [
+        [
+            words,
+            *_names(rows, name),
+            _share(curves[name].at(own)),
+            _share(curves[name].mean(common)),
+            *_alarms(rows, name),
+            *_strengths(rows, name),
+        ]
+        for name, words in METHODS.items()
+    ]
+
+
+def _names(rows: Sequence[Row], method: str) -> list[str]:
+    """Names by the method's own rule: right of given, of nulls, of strangers."""
+    if not any(row.answers[method].names for row in rows):
+        return ["-"] * 3
+    given = [row for row in rows if row.answers[method].given]
+    right = sum(row.answers[method].right(row.truth) for row in given)
+    return [
+        f"{right} of {len(given)}",
+        *(f"{sum(row.kind == kind for row in given)} of {sum(row.kind == kind for row in rows)}"
+          for kind in ("null", "outside")),
+    ]  # fmt: skip
+
+
+def _alarms(rows: Sequence[Row], method: str) -> list[str]:
+    nulls = [row.answers[method].alarm for row in rows if row.kind == "null"]
+    hidden = [row.answers[method].alarm for row in rows if row.kind != "null"]
+    return [f"{sum(some)} of {len(some)}" for some in (nulls, hidden)]
+
+
+def _strengths(rows: Sequence[Row], method: str) -> list[str]:
+    """How far S_r was off in half of the slides and in nine of ten, and its intervals."""
+    errors = np.abs([row.answers[method].strength_error(row.truth) for row in rows])
+    held = sum(row.answers[method].holds(row.truth) for row in rows)
+    off = [f"{100.0 * np.expm1(np.quantile(errors, share)):.0f} %" for share in (0.5, 0.9)]
+    return [*off, f"{held} of {len(rows)}"]
+
+
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:.0f} %"
+
+
+def page(rows: Sequence[Row]) -> str:
+    """The part of docs/records/hidden-effects.md."""
+    if not rows:
+        return "No slide has been judged so yet."
+    sets = list(dict.fromkeys(row.of for row in rows))
+    head = f"{len(rows)} slides: {', '.join(sets)}."
+    return f"{head}\n\n{table(HEADER, rows_of(rows), 'l' + 'r' * (len(HEADER) - 1))}"
+
+
+def draw(path: Path, rows: Sequence[Row]) -> Path:
+    """The curves; a ring where the diagnosis stops by its own rule."""
+    from report.style import (
+        BEFORE,
+        CLASSICAL,
+        HELD_OUT,
+        OURS,
+        TEXT_COLOUR,
+        WATER_LINE,
+        new_figure,
+        quiet,
+        save_figure,
+    )
+
+    looks = {OWN: (OURS, "o"), "nearest": (BEFORE, "s"), "aic": (HELD_OUT, "D"),
+             "bic": (CLASSICAL, "^"), "classifier": (WATER_LINE, "x")}  # fmt: skip
+    figure = new_figure(3.2)
+    ax = figure.add_axes((0.11, 0.15, 0.86, 0.7))
+    for name, (colour, mark) in looks.items():
+        curve = Curve.of(rows, name)
+        ax.plot(100.0 * curve.coverage, 100.0 * curve.risk, marker=mark, color=colour,
+                markersize=4, linewidth=1.1, label=METHODS[name])  # fmt: skip
+    own, curve = sum(row.answers[OWN].given for row in rows), Curve.of(rows, OWN)
+    risk = curve.at(own)
+    if risk is not None:
+        ax.plot(100.0 * own / curve.slides, 100.0 * risk, "o", color=OURS, markersize=11,
+                fillstyle="none")  # fmt: skip
+    ax.set_xlim(0, 103)
+    ax.set_ylim(-3, 103)
+    ax.set_xlabel("coverage: slides on which a name is given [%]", fontsize=8.5, color=TEXT_COLOUR)
+    ax.set_ylabel("risk: names that are wrong [%]", fontsize=8.5, color=TEXT_COLOUR)
+    quiet(ax, grid="y")
+    figure.legend(loc="upper center", ncol=3, frameon=False, fontsize=8)
+    return save_figure(figure, path)
