@@ -311,11 +311,8 @@ def _baselines(arguments: argparse.Namespace, config: Config) -> int:
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
     record = Path(arguments.record or baselines.RECORD)
     total = len(baselines.judged_cases(places)[part.k :: part.n])
-    _keep_origin(
-        places.out / f"{baselines.FOLDER}_{JUDGED_BY}",
-        _judged_by(places, config),
-        places.out.glob(f"{baselines.FOLDER}/*.json"),
-    )
+    # The verdicts and what the baselines see follow from the same.
+    _keep_origin(places.out / JUDGED_BY, _judged_by(places, config), _verdicts(places))
     with Progress(total, "asking other methods", quiet=arguments.quiet) as progress:
         found = baselines.run_baselines(
             places,

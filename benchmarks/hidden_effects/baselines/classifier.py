@@ -81,11 +81,33 @@ def seen(slide: Slide, augmented: np.ndarray) -> np.ndarray:
     return np.hstack([left / length, np.log(length)])
 
 
-def classify(slide: Slide, *, slides: int = SLIDES, epochs: int = EPOCHS) -> Answer:
-    """Train a network for a slide, and ask it.
+@dataclass(frozen=True)
+class Trained:
+    """A network that was trained for a slide.
+
+    Attributes:
+        slide: whose signatures and covariance it knows.
+        network: of torch.
+        unit: of what ln S_r is off by, in the first unknown.
+    """
+
+    slide: Slide
+    network: Any
+    unit: float
+
+    def says(self, augmented: np.ndarray) -> np.ndarray:
+        """Of residuals (n, k + r): ln weights of the kinds, mean, ln std, (n, kinds + 2)."""
+        import torch
+
+        with torch.no_grad():
+            return self.network(torch.tensor(seen(self.slide, augmented))).numpy()
+
+
+def trained(slide: Slide, *, slides: int = SLIDES, epochs: int = EPOCHS) -> Trained:
+    """Train a network for a slide.
 
     Args:
-        slide: to be answered.
+        slide: with signatures and covariance.
         slides: that are simulated.
         epochs: times that the network sees each, with other noise.
     """
@@ -93,33 +115,37 @@ def classify(slide: Slide, *, slides: int = SLIDES, epochs: int = EPOCHS) -> Ans
 
     rng = np.random.default_rng([slide.seed, 2])
     drawn = simulate(slide, slides, rng)
-    linear, k = slide.system, len(slide.residual)
-    whole = np.zeros((slides, len(slide.augmented)))
-    whole[:, :k] = drawn.changes @ linear.data.whitener.T
-    # Change of the first unknown by the augmented residual: what the base model is off by.
-    towards = np.array([linear.imitating(row)[0] for row in np.eye(whole.shape[1])])
-    scale = max(float(np.std(whole @ towards)), 1e-6)
-    width, kinds = whole.shape[1] + 1, len(slide.suspects) + 1
+    whole, towards = noiseless(slide, drawn), steps(slide)
+    unit = max(float(np.std(whole @ towards)), 1e-6)
+    batches = -(-slides // BATCH)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(slide.seed)
-        network = _network(width, kinds)
+        network = _network(whole.shape[1] + 1, len(slide.suspects) + 1)
         optimiser = torch.optim.Adam(network.parameters(), lr=RATE)
-        plan = torch.optim.lr_scheduler.OneCycleLR(
-            optimiser, RATE, total_steps=epochs * -(-slides // BATCH)
-        )
+        plan = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=epochs * batches)
         for _ in range(epochs):
             noisy = whole + rng.standard_normal(whole.shape)
-            off = -(noisy @ towards) / scale
-            columns = (seen(slide, noisy), off, drawn.kind)
-            for batch in np.array_split(rng.permutation(slides), -(-slides // BATCH)):
-                loss = _loss(network, kinds, *(torch.tensor(one[batch]) for one in columns))
+            columns = (seen(slide, noisy), -(noisy @ towards) / unit, drawn.kind)
+            for batch in np.array_split(rng.permutation(slides), batches):
+                loss = _loss(network, *(torch.tensor(one[batch]) for one in columns))
                 optimiser.zero_grad()
                 loss.backward()
                 optimiser.step()
                 plan.step()
-        with torch.no_grad():
-            found = network(torch.tensor(seen(slide, slide.augmented[None])))[0].numpy()
-    return _answer(slide, found, scale)
+    return Trained(slide, network, unit)
+
+
+def noiseless(slide: Slide, drawn: Simulated) -> np.ndarray:
+    """Augmented residuals (n, k + r) without noise."""
+    whole = np.zeros((len(drawn.changes), len(slide.augmented)))
+    whole[:, : len(slide.residual)] = drawn.changes @ slide.system.data.whitener.T
+    return whole
+
+
+def steps(slide: Slide) -> np.ndarray:
+    """Step of the first unknown by which the base model meets each augmented number, (k + r,)."""
+    linear = slide.system
+    return np.array([linear.imitating(row)[0] for row in np.eye(len(slide.augmented))])
 
 
 def _network(width: int, kinds: int) -> Any:
@@ -131,27 +157,22 @@ def _network(width: int, kinds: int) -> Any:
     ).double()  # fmt: skip
 
 
-def _loss(network: Any, kinds: int, rows: Any, off: Any, kind: Any) -> Any:
+def _loss(network: Any, rows: Any, off: Any, kind: Any) -> Any:
     """Cross-entropy of the kinds, and -ln of the density of what S_r is off by."""
     from torch.nn import functional
 
     out = network(rows)
-    mean, ln_std = out[:, kinds], out[:, kinds + 1]
+    mean, ln_std = out[:, -2], out[:, -1]
     density = 0.5 * ((off - mean) * (-ln_std).exp()) ** 2 + ln_std
-    return functional.cross_entropy(out[:, :kinds], kind) + density.mean()
+    return functional.cross_entropy(out[:, :-2], kind) + density.mean()
 
 
-def _answer(slide: Slide, found: np.ndarray, scale: float) -> Answer:
-    """The most probable kind with ln of its odds, and S_r.
-
-    Args:
-        slide: that was asked of.
-        found: what the network has put out, (kinds + 2,).
-        scale: unit of what S_r is off by.
-    """
-    *ln_weights, mean, ln_std = found
+def classify(slide: Slide) -> Answer:
+    """The most probable kind with ln of its odds, and S_r."""
+    network = trained(slide)
+    *ln_weights, mean, ln_std = network.says(slide.augmented[None])[0]
     first = largest_place(ln_weights)
     odds = float(ln_weights[first] - np.logaddexp.reduce(np.delete(ln_weights, first)))
     names = [slide.suspects[first - 1].name] if first else []
-    strength = slide.strength(mean * scale, (np.exp(ln_std) * scale) ** 2)
+    strength = slide.strength(mean * network.unit, (np.exp(ln_std) * network.unit) ** 2)
     return answer_of(slide, names, odds, strength)

@@ -6,8 +6,8 @@ about the fit of the base model, linear in its parameters, which have no prior b
 states. Every measurement has a discrepancy of its own, independent of the others: along a series
 K_ij = a^2 exp(-(s_i - s_j)^2 / (2 l^2)), of numbers that lie along nothing a^2 on the diagonal. a
 and l are those of the largest marginal likelihood, the parameters integrated out (Rasmussen and
-Williams 2006, eq. 2.45). It names nothing. Something is missing if BIC asks for the discrepancy,
-which counts an unknown for each a and l.
+Williams 2006, eq. 2.45). It names nothing. Something is missing if twice the rise of ln of the
+likelihood by the discrepancy has p below 0.05 as a chi2 of as many degrees as there are a and l.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, cho_factor, cho_solve
 from scipy.optimize import minimize
+from scipy.stats import chi2
 
 from benchmarks.hidden_effects.baselines.answers import Answer, answer_of
 from benchmarks.hidden_effects.baselines.slide import Series, Slide
+from benchmarks.hidden_effects.scoring.score import ALARM_P
 
 #: Numbers along a series from which its discrepancy has a length.
 LONG = 3
@@ -115,8 +117,8 @@ def discrepancy(slide: Slide) -> Answer:
     found = marginal(slide, kernel(slide, best.x))
     none = marginal(slide, np.zeros((len(slide.residual), len(slide.residual))))
     gain = found.ln_likelihood - none.ln_likelihood
-    gain -= 0.5 * len(kinds) * math.log(len(slide.residual))
     first = slide.moving[0]  # a strength at its bound stays there
     step, variance = (found.step[0], found.covariance[0, 0]) if first else (0.0, 0.0)
     answer = answer_of(slide, [], gain, slide.strength(float(step), float(variance)))
-    return answer.model_copy(update={"alarm": gain > 0.0})
+    alarm = float(chi2.sf(2.0 * gain, len(kinds))) < ALARM_P
+    return answer.model_copy(update={"alarm": alarm})
