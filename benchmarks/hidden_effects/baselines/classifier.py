@@ -12,17 +12,18 @@ is off by.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from scipy.special import softmax
 
 from benchmarks.hidden_effects.baselines.answers import Answer, answer_of
+from benchmarks.hidden_effects.baselines.network import Network
 from benchmarks.hidden_effects.baselines.slide import Slide, Suspect
 from pipeline.ties import largest_place
 
 #: Share of the slides in which nothing is missing.
 NOTHING = 1.0 / 3.0
-SLIDES, EPOCHS, BATCH, WIDTH, RATE = 8000, 40, 250, 64, 3e-3
+SLIDES, EPOCHS, BATCH, WIDTH, RATE = 8000, 60, 250, 64, 3e-3
 #: Shares of an error of an effect that are the same in all numbers, and of each number alone.
 TOGETHER = 0.7
 
@@ -87,20 +88,17 @@ class Trained:
 
     Attributes:
         slide: whose signatures and covariance it knows.
-        network: of torch.
+        network: what was trained.
         unit: of what ln S_r is off by, in the first unknown.
     """
 
     slide: Slide
-    network: Any
+    network: Network
     unit: float
 
     def says(self, augmented: np.ndarray) -> np.ndarray:
         """Of residuals (n, k + r): ln weights of the kinds, mean, ln std, (n, kinds + 2)."""
-        import torch
-
-        with torch.no_grad():
-            return self.network(torch.tensor(seen(self.slide, augmented))).numpy()
+        return self.network.layers(seen(self.slide, augmented))[-1]
 
 
 def trained(slide: Slide, *, slides: int = SLIDES, epochs: int = EPOCHS) -> Trained:
@@ -111,28 +109,40 @@ def trained(slide: Slide, *, slides: int = SLIDES, epochs: int = EPOCHS) -> Trai
         slides: that are simulated.
         epochs: times that the network sees each, with other noise.
     """
-    import torch
-
     rng = np.random.default_rng([slide.seed, 2])
     drawn = simulate(slide, slides, rng)
     whole, towards = noiseless(slide, drawn), steps(slide)
     unit = max(float(np.std(whole @ towards)), 1e-6)
+    sizes = (whole.shape[1] + 1, WIDTH, WIDTH, len(slide.suspects) + 3)
+    network = Network.fresh(sizes, rng)
     batches = -(-slides // BATCH)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(slide.seed)
-        network = _network(whole.shape[1] + 1, len(slide.suspects) + 1)
-        optimiser = torch.optim.Adam(network.parameters(), lr=RATE)
-        plan = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=epochs * batches)
-        for _ in range(epochs):
-            noisy = whole + rng.standard_normal(whole.shape)
-            columns = (seen(slide, noisy), -(noisy @ towards) / unit, drawn.kind)
-            for batch in np.array_split(rng.permutation(slides), batches):
-                loss = _loss(network, *(torch.tensor(one[batch]) for one in columns))
-                optimiser.zero_grad()
-                loss.backward()
-                optimiser.step()
-                plan.step()
+    for epoch in range(epochs):
+        noisy = whole + rng.standard_normal(whole.shape)
+        rows, off = seen(slide, noisy), -(noisy @ towards) / unit
+        rate = 0.5 * RATE * (1.0 + np.cos(np.pi * epoch / epochs))
+        for batch in np.array_split(rng.permutation(slides), batches):
+            layers = network.layers(rows[batch])
+            network.learn(layers, slope(layers[-1], drawn.kind[batch], off[batch]), rate)
     return Trained(slide, network, unit)
+
+
+def slope(out: np.ndarray, kind: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """Derivative of the loss by what the network puts out, (n, kinds + 2).
+
+    The loss is the cross-entropy of the kinds, and -ln of the density of what S_r is off by.
+
+    Args:
+        out: ln weights of the kinds, mean, ln std, (n, kinds + 2).
+        kind: that was so, (n,).
+        off: likewise, (n,).
+    """
+    found = np.empty_like(out)
+    found[:, :-2] = softmax(out[:, :-2], axis=1)
+    found[np.arange(len(kind)), kind] -= 1.0
+    z = (off - out[:, -2]) * np.exp(-out[:, -1])
+    found[:, -2] = -z * np.exp(-out[:, -1])
+    found[:, -1] = 1.0 - z**2
+    return found / len(kind)
 
 
 def noiseless(slide: Slide, drawn: Simulated) -> np.ndarray:
@@ -146,25 +156,6 @@ def steps(slide: Slide) -> np.ndarray:
     """Step of the first unknown by which the base model meets each augmented number, (k + r,)."""
     linear = slide.system
     return np.array([linear.imitating(row)[0] for row in np.eye(len(slide.augmented))])
-
-
-def _network(width: int, kinds: int) -> Any:
-    from torch import nn
-
-    return nn.Sequential(
-        nn.Linear(width, WIDTH), nn.ReLU(), nn.Linear(WIDTH, WIDTH), nn.ReLU(),
-        nn.Linear(WIDTH, kinds + 2),
-    ).double()  # fmt: skip
-
-
-def _loss(network: Any, rows: Any, off: Any, kind: Any) -> Any:
-    """Cross-entropy of the kinds, and -ln of the density of what S_r is off by."""
-    from torch.nn import functional
-
-    out = network(rows)
-    mean, ln_std = out[:, -2], out[:, -1]
-    density = 0.5 * ((off - mean) * (-ln_std).exp()) ** 2 + ln_std
-    return functional.cross_entropy(out[:, :-2], kind) + density.mean()
 
 
 def classify(slide: Slide) -> Answer:

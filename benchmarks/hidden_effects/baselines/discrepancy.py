@@ -27,7 +27,7 @@ from benchmarks.hidden_effects.scoring.score import ALARM_P
 #: Numbers along a series from which its discrepancy has a length.
 LONG = 3
 #: First guesses: size in standard deviations of the measurement, length as a share of the series.
-SIZES, LENGTHS = (0.1, 1.0, 5.0), (0.1, 0.4)
+SIZES, LENGTHS = (0.3, 3.0), (0.1, 0.4)
 #: Bounds of the same.
 SIZE_WITHIN, LENGTH_WITHIN = (1e-3, 1e3), (0.03, 2.0)
 
