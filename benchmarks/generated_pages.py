@@ -323,6 +323,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Renew every page whose figures are kept."""
     from benchmarks.back_analysis.study import Validation
     from benchmarks.hidden_effects import strangers
+    from benchmarks.hidden_effects.baselines import run as baselines
     from benchmarks.hidden_effects.scoring import sets
     from benchmarks.verification.study import Verification
 
@@ -332,7 +333,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     for study in (Verification(), Validation()):
         study.write_pages(study.read())
     renew(EFFECTS_PAGE, table=effects_part())
-    renew(sets.PAGE, sets=sets.sets_table(), strangers=strangers.strangers_page())
+    renew(
+        sets.PAGE,
+        sets=sets.sets_table(),
+        strangers=strangers.strangers_page(),
+        baselines=baselines.baselines_page(),
+    )
     return 0
 
 

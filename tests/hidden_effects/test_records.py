@@ -10,6 +10,7 @@ import pytest
 
 from benchmarks.hidden_effects import strangers
 from benchmarks.hidden_effects.__main__ import main
+from benchmarks.hidden_effects.baselines import run as baselines
 from benchmarks.hidden_effects.making.benchmark import Places, load_benchmark
 from benchmarks.hidden_effects.making.make import reach_of, sealed_cases
 from benchmarks.hidden_effects.making.reopen import reopen
@@ -94,6 +95,8 @@ def test_the_table_of_all_sets_is_that_of_the_records():
     page = sets.PAGE.read_text("utf-8")
     assert sets.sets_table() in page, "python -m benchmarks.generated_pages"
     assert strangers.strangers_page() in page, "python -m benchmarks.generated_pages"
+    answers = baselines.load_answers(baselines.RECORD)
+    assert baselines.page(answers) in page, "python -m benchmarks.generated_pages"
 
 
 def test_a_section_of_another_benchmark(root, rows):

@@ -31,9 +31,9 @@ METHODS = {
     "discrepancy": "Gaussian-process discrepancy",
 }
 HEADER = (
-    "", "names by its own rule: right", "of nulls", "of strangers", "risk at the coverage of the "
-    "diagnosis", "mean risk", "alarm: nulls", "hidden", "S_r off by: half", "nine of ten",
-    "within its 95 %",
+    "", "names by its own rule: right", "of nulls, of strangers", "risk at the coverage of the "
+    "diagnosis", "mean risk", "alarm: nulls, hidden", "S_r off by: half, nine of ten",
+    "within 95 %",
 )  # fmt: skip
 
 
@@ -93,45 +93,34 @@ def rows_of(rows: Sequence[Row]) -> list[list[str]]:
     """The table, a method in each row."""
     curves = {name: Curve.of(rows, name) for name in METHODS}
     own = sum(row.answers[OWN].given for row in rows)
+    # Where every method that names anything has a risk.
     common = min((len(one.right) for one in curves.values() if len(one.right)), default=0)
     return [
-        [
-            words,
-            *_names(rows, name),
-            _share(curves[name].at(own)),
-            _share(curves[name].mean(common)),
-            *_alarms(rows, name),
-            *_strengths(rows, name),
-        ]
+        [words, *_names(rows, name), _share(curves[name].at(own)),
+         _share(curves[name].mean(common)), *_rest(rows, name)]
         for name, words in METHODS.items()
-    ]
-
-
-def _names(rows: Sequence[Row], method: str) -> list[str]:
-    """Names by the method's own rule: right of given, of nulls, of strangers."""
-    if not any(row.answers[method].names for row in rows):
-        return ["-"] * 3
-    given = [row for row in rows if row.answers[method].given]
-    right = sum(row.answers[method].right(row.truth) for row in given)
-    return [
-        f"{right} of {len(given)}",
-        *(f"{sum(row.kind == kind for row in given)} of {sum(row.kind == kind for row in rows)}"
-          for kind in ("null", "outside")),
     ]  # fmt: skip
 
 
-def _alarms(rows: Sequence[Row], method: str) -> list[str]:
-    nulls = [row.answers[method].alarm for row in rows if row.kind == "null"]
-    hidden = [row.answers[method].alarm for row in rows if row.kind != "null"]
-    return [f"{sum(some)} of {len(some)}" for some in (nulls, hidden)]
+def _names(rows: Sequence[Row], method: str) -> list[str]:
+    """Names by the method's own rule: right of given; of nulls and of strangers."""
+    if not any(row.answers[method].names for row in rows):
+        return ["-", "-"]
+    given = [row for row in rows if row.answers[method].given]
+    right = sum(row.answers[method].right(row.truth) for row in given)
+    false = [sum(row.kind == kind for row in given) for kind in ("null", "outside")]
+    return [f"{right} of {len(given)}", "{}, {}".format(*false)]
 
 
-def _strengths(rows: Sequence[Row], method: str) -> list[str]:
-    """How far S_r was off in half of the slides and in nine of ten, and its intervals."""
-    errors = np.abs([row.answers[method].strength_error(row.truth) for row in rows])
-    held = sum(row.answers[method].holds(row.truth) for row in rows)
-    off = [f"{100.0 * np.expm1(np.quantile(errors, share)):.0f} %" for share in (0.5, 0.9)]
-    return [*off, f"{held} of {len(rows)}"]
+def _rest(rows: Sequence[Row], method: str) -> list[str]:
+    """Alarms of nulls and of others; how far S_r was off; how often its interval held it."""
+    answers = [(row, row.answers[method]) for row in rows]
+    alarms = [sum(said.alarm for row, said in answers if (row.kind == "null") == null)
+              for null in (True, False)]  # fmt: skip
+    errors = np.abs([said.strength_error(row.truth) for row, said in answers])
+    off = [f"{100.0 * np.expm1(np.quantile(errors, share)):.0f}" for share in (0.5, 0.9)]
+    held = sum(said.holds(row.truth) for row, said in answers)
+    return ["{}, {}".format(*alarms), "{}, {} %".format(*off), str(held)]
 
 
 def _share(share: float | None) -> str:
@@ -142,8 +131,9 @@ def page(rows: Sequence[Row]) -> str:
     """The part of docs/records/hidden-effects.md."""
     if not rows:
         return "No slide has been judged so yet."
-    sets = list(dict.fromkeys(row.of for row in rows))
-    head = f"{len(rows)} slides: {', '.join(sets)}."
+    sets = ", ".join(dict.fromkeys(row.of for row in rows))
+    kinds = [sum(row.kind == kind for row in rows) for kind in ("null", "outside")]
+    head = f"{len(rows)} slides ({sets}), {kinds[0]} nulls, {kinds[1]} with strangers."
     return f"{head}\n\n{table(HEADER, rows_of(rows), 'l' + 'r' * (len(HEADER) - 1))}"
 
 
