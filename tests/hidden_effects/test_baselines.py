@@ -30,7 +30,10 @@ from benchmarks.hidden_effects.baselines.discrepancy import discrepancy, kernel,
 from benchmarks.hidden_effects.baselines.network import Network
 from benchmarks.hidden_effects.baselines.slide import Refitted, Slide, slide_of
 from benchmarks.hidden_effects.making.benchmark import Places
+from benchmarks.hidden_effects.scoring.by_other_codes import gives_name, is_right
+from benchmarks.hidden_effects.scoring.calibration import covers
 from benchmarks.hidden_effects.scoring.score import Judged
+from benchmarks.hidden_effects.scoring.sets import SETS
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from pipeline.cli import InputError
@@ -317,6 +320,15 @@ def test_the_diagnosis_answers_with_its_best_explanation():
     assert answers[0].confidence > answers[1].confidence > 0.0
     assert answers[0].ln_strength == pytest.approx(np.log(20.0), abs=1e-4)
     assert answers[0].holds(one) and answers[0].right(one)
+
+
+@pytest.mark.parametrize("words", ["fourth", "fifth", "sixth"])
+def test_the_diagnosis_is_counted_as_in_its_own_score(words):
+    (opened,) = [one for one in SETS if one.words == words]
+    for one in opened.cases():
+        said = own_answer(one)
+        assert said.given == gives_name(one) and said.holds(one.truth) == covers(one, "95%")
+        assert not said.given or said.right(one.truth) == is_right(one)
 
 
 # --- a set ---
