@@ -18,9 +18,9 @@ from benchmarks.hidden_effects.baselines.answers import (
 )
 from benchmarks.hidden_effects.baselines.classifier import (
     NOTHING,
+    Simulator,
     amplitudes,
     noiseless,
-    simulate,
     slope,
     steps,
     trained,
@@ -188,7 +188,7 @@ def test_what_is_hidden_raises_its_alarm_and_widens_it():
 
 def test_simulated_slides_have_what_they_are_said_to_have():
     one, rng = slide(1), np.random.default_rng(0)
-    drawn = simulate(one, 3000, rng)
+    drawn = Simulator.of(one, rng).draw(3000, rng)
     assert np.mean(drawn.kind == 0) == pytest.approx(NOTHING, abs=0.03)
     assert not drawn.changes[drawn.kind == 0].any()
     for place, suspect in enumerate(one.suspects, start=1):
@@ -226,8 +226,8 @@ def test_the_network_learns_by_the_slopes_of_its_loss():
 
 def test_the_network_knows_names_and_strengths_that_it_has_not_seen():
     one, rng = slide(1), np.random.default_rng(5)
-    network = trained(one, slides=2000, epochs=30)
-    drawn = simulate(one, 800, rng)
+    network = trained(one, slides=2000, epochs=20)
+    drawn = Simulator.of(one, rng).draw(800, rng)
     whole = noiseless(one, drawn) + rng.standard_normal((800, len(one.augmented)))
     said = network.says(whole)
     right = np.argmax(said[:, :-2], axis=1) == drawn.kind

@@ -2,9 +2,9 @@
 
 It is trained for each slide anew, on residuals that its signatures and its covariance say are
 possible (no further runs): nothing missing in a third of them, else any candidate, its amplitude
-from its prior or anywhere on its ladder; what an effect does is off by the stated share, and noise
-is drawn afresh in every epoch. It sees what no change of the parameters imitates: the direction of
-the projected residual, and the logarithm of its length. It answers with a probability of every
+from its prior or anywhere on its ladder; what an effect does is off by the stated share. All is
+drawn afresh in every epoch. It sees what no change of the parameters imitates: asinh of the
+projected residual, and the logarithm of its length. It answers with a probability of every
 candidate and of nothing, and with a mean and a standard deviation of what ln S_r of the base model
 is off by.
 """
@@ -23,7 +23,9 @@ from pipeline.ties import largest_place
 
 #: Share of the slides in which nothing is missing.
 NOTHING = 1.0 / 3.0
-SLIDES, EPOCHS, BATCH, WIDTH, RATE = 8000, 60, 250, 64, 3e-3
+SLIDES, EPOCHS, BATCH, WIDTH, RATE = 8000, 60, 250, 128, 1e-2
+#: Amplitudes of each candidate.
+AMPLITUDES = 100
 #: Shares of an error of an effect that are the same in all numbers, and of each number alone.
 TOGETHER = 0.7
 
@@ -41,25 +43,35 @@ class Simulated:
     changes: np.ndarray
 
 
-def simulate(slide: Slide, count: int, rng: np.random.Generator) -> Simulated:
-    """Draw what is missing and what it does.
+@dataclass(frozen=True)
+class Simulator:
+    """Makes slides near the fit of the base model.
 
-    Args:
+    Attributes:
         slide: with the signatures of its candidates.
-        count: n.
-        rng: draws.
+        changes: of the fitted numbers by each candidate at amplitudes that were drawn, (c, a, k).
     """
-    number = len(slide.suspects)
-    kind = np.where(rng.uniform(size=count) < NOTHING, 0, rng.integers(1, number + 1, count))
-    changes = np.zeros((count, len(slide.residual)))
-    for place, one in enumerate(slide.suspects, start=1):
-        own = np.flatnonzero(kind == place)
-        ladder = one.ladder
-        for row, amplitude in zip(own, amplitudes(one, len(own), rng), strict=True):
-            changes[row] = ladder.change(amplitude)
-    common = rng.standard_normal((count, 1)) * TOGETHER**0.5
-    alone = rng.standard_normal(changes.shape) * (1.0 - TOGETHER) ** 0.5
-    return Simulated(kind, changes * (1.0 + slide.effects_error * (common + alone)))
+
+    slide: Slide
+    changes: np.ndarray
+
+    @classmethod
+    def of(cls, slide: Slide, rng: np.random.Generator) -> Simulator:
+        """Draw the amplitudes."""
+        return cls(slide, np.array([
+            [one.ladder.change(a) for a in amplitudes(one, AMPLITUDES, rng)]
+            for one in slide.suspects
+        ]))  # fmt: skip
+
+    def draw(self, count: int, rng: np.random.Generator) -> Simulated:
+        """So many slides: what is missing, and what it does."""
+        number = len(self.changes)
+        kind = np.where(rng.uniform(size=count) < NOTHING, 0, rng.integers(1, number + 1, count))
+        changes = self.changes[kind - 1, rng.integers(0, AMPLITUDES, count)]
+        changes[kind == 0] = 0.0
+        common = rng.standard_normal((count, 1)) * TOGETHER**0.5
+        alone = rng.standard_normal(changes.shape) * (1.0 - TOGETHER) ** 0.5
+        return Simulated(kind, changes * (1.0 + self.slide.effects_error * (common + alone)))
 
 
 def amplitudes(one: Suspect, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -78,8 +90,7 @@ def amplitudes(one: Suspect, count: int, rng: np.random.Generator) -> np.ndarray
 def seen(slide: Slide, augmented: np.ndarray) -> np.ndarray:
     """What the network sees of augmented residuals (n, k + r): (n, k + r + 1)."""
     left = slide.system.project(augmented.T).T
-    length = np.linalg.norm(left, axis=1, keepdims=True)
-    return np.hstack([left / length, np.log(length)])
+    return np.hstack([np.arcsinh(left), np.log(np.linalg.norm(left, axis=1, keepdims=True))])
 
 
 @dataclass(frozen=True)
@@ -106,21 +117,20 @@ def trained(slide: Slide, *, slides: int = SLIDES, epochs: int = EPOCHS) -> Trai
 
     Args:
         slide: with signatures and covariance.
-        slides: that are simulated.
-        epochs: times that the network sees each, with other noise.
+        slides: that are simulated for an epoch.
+        epochs: how often, each time anew.
     """
     rng = np.random.default_rng([slide.seed, 2])
-    drawn = simulate(slide, slides, rng)
-    whole, towards = noiseless(slide, drawn), steps(slide)
-    unit = max(float(np.std(whole @ towards)), 1e-6)
-    sizes = (whole.shape[1] + 1, WIDTH, WIDTH, len(slide.suspects) + 3)
-    network = Network.fresh(sizes, rng)
+    simulator, towards = Simulator.of(slide, rng), steps(slide)
+    unit = max(float(np.std(noiseless(slide, simulator.draw(slides, rng)) @ towards)), 1e-6)
+    network = Network.fresh((len(towards) + 1, WIDTH, WIDTH, len(slide.suspects) + 3), rng)
     batches = -(-slides // BATCH)
     for epoch in range(epochs):
-        noisy = whole + rng.standard_normal(whole.shape)
+        drawn = simulator.draw(slides, rng)
+        noisy = noiseless(slide, drawn) + rng.standard_normal((slides, len(towards)))
         rows, off = seen(slide, noisy), -(noisy @ towards) / unit
         rate = 0.5 * RATE * (1.0 + np.cos(np.pi * epoch / epochs))
-        for batch in np.array_split(rng.permutation(slides), batches):
+        for batch in np.array_split(np.arange(slides), batches):
             layers = network.layers(rows[batch])
             network.learn(layers, slope(layers[-1], drawn.kind[batch], off[batch]), rate)
     return Trained(slide, network, unit)

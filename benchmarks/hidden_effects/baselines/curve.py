@@ -20,6 +20,8 @@ from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.baselines.answers import Answer
 from pipeline.documents import StrictDocument
 
+#: The picture as the page sees it.
+SHOWN = "../images/baselines.png"
 OWN = "diagnosis"
 #: Method -> words.
 METHODS = {
@@ -134,7 +136,8 @@ def page(rows: Sequence[Row]) -> str:
     sets = ", ".join(dict.fromkeys(row.of for row in rows))
     kinds = [sum(row.kind == kind for row in rows) for kind in ("null", "outside")]
     head = f"{len(rows)} slides ({sets}), {kinds[0]} nulls, {kinds[1]} with strangers."
-    return f"{head}\n\n{table(HEADER, rows_of(rows), 'l' + 'r' * (len(HEADER) - 1))}"
+    found = table(HEADER, rows_of(rows), "l" + "r" * (len(HEADER) - 1))
+    return f"{head}\n\n{found}\n\n![Risk over coverage]({SHOWN})"
 
 
 def draw(path: Path, rows: Sequence[Row]) -> Path:
