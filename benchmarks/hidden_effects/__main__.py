@@ -311,8 +311,11 @@ def _baselines(arguments: argparse.Namespace, config: Config) -> int:
     places, part = Places(_out(arguments, config)), part_of(arguments.part)
     record = Path(arguments.record or baselines.RECORD)
     total = len(baselines.judged_cases(places)[part.k :: part.n])
-    # The verdicts and what the baselines see follow from the same.
-    _keep_origin(places.out / JUDGED_BY, _judged_by(places, config), _verdicts(places))
+    if read_json(places.out / JUDGED_BY) != content_hash(_judged_by(places, config)):
+        raise InputError(
+            f"{places.out}: its verdicts follow from other settings or another version of the "
+            "method; the baselines are asked with those, give the same --set"
+        )
     with Progress(total, "asking other methods", quiet=arguments.quiet) as progress:
         found = baselines.run_baselines(
             places,
