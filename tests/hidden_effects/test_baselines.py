@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import log_softmax
 
+from benchmarks.hidden_effects.__main__ import main
 from benchmarks.hidden_effects.baselines import run
 from benchmarks.hidden_effects.baselines.answers import (
     Answer,
@@ -334,25 +335,42 @@ def test_the_diagnosis_is_counted_as_in_its_own_score(words):
 # --- a set ---
 
 
-def test_slides_are_looked_at_once_and_kept(tmp_path, monkeypatch):
-    places, asked = Places(tmp_path), []
-    sealed = [{"name": f"case_000{k}", "section": "s", "survey": "profile", "sha256": "0" * 64}
-              for k in (1, 2, 3)]  # fmt: skip
+def judged_set(places, *opened):
+    """Three sealed slides, of which two have a verdict; `opened` have a truth."""
+    names = [f"case_000{k}" for k in (1, 2, 3)]
+    sealed = [{"name": name, "section": "s", "survey": "profile", "sha256": "0" * 64}
+              for name in names]  # fmt: skip
     run.write_json(places.sealed, sealed)
-    with pytest.raises(InputError, match="no case has been diagnosed"):
-        run.judged_cases(places)
     told = hidden("single", "shaking") | {
-        "name": "case_0001", "section": "s", "survey": "profile", "lambda": 9.0,
-        "spacing_factor": 1.0, "jitter_seed": 1,
+        "section": "s", "survey": "profile", "lambda": 9.0, "spacing_factor": 1.0,
+        "jitter_seed": 1,
     }  # fmt: skip
     quoted = {"strength": {"95%": (16.0, 25.0)}}
     verdict = digest(told, "identified", ["shaking"]).model_copy(update={"quoted": quoted})
-    for name in ("case_0001", "case_0003"):
+    for name in (names[0], names[2]):
         run.write_json(places.verdict(name, "method"), verdict.model_dump(mode="json"))
-        with pytest.raises(InputError, match="is sealed"):
-            run.judged_cases(places)
+    for name in opened:
         run.write_json(places.truth(name), told | {"name": name})
-        assert run.judged_cases(places)[-1] == name
+
+
+def test_only_judged_and_opened_slides_are_asked(tmp_path):
+    places = Places(tmp_path)
+    run.write_json(places.sealed, [])
+    with pytest.raises(InputError, match="no case has been diagnosed"):
+        run.judged_cases(places)
+    judged_set(places, "case_0001")
+    with pytest.raises(InputError, match="is sealed"):
+        run.judged_cases(places)
+    judged_set(places, "case_0001", "case_0003")
+    assert run.judged_cases(places) == ["case_0001", "case_0003"]
+    run.write_json(tmp_path / "judged_by.json", "by another version")
+    with pytest.raises(InputError, match="other settings or another version"):
+        main(["baselines", "--out", str(tmp_path), "--quiet"])
+
+
+def test_slides_are_looked_at_once_and_kept(tmp_path, monkeypatch):
+    places, asked = Places(tmp_path), []
+    judged_set(places, "case_0001", "case_0003")
 
     def look(folder, name, store, config):
         asked.append(name)
