@@ -148,14 +148,13 @@ def draw(path: Path, rows: Sequence[Row]) -> Path:
         HELD_OUT,
         OURS,
         TEXT_COLOUR,
-        WATER_LINE,
         new_figure,
         quiet,
         save_figure,
     )
 
     looks = {OWN: (OURS, "o"), "nearest": (BEFORE, "s"), "aic": (HELD_OUT, "D"),
-             "bic": (CLASSICAL, "^"), "classifier": (WATER_LINE, "x")}  # fmt: skip
+             "bic": (CLASSICAL, "^"), "classifier": (TEXT_COLOUR, "x")}  # fmt: skip
     figure = new_figure(3.2)
     ax = figure.add_axes((0.11, 0.15, 0.86, 0.7))
     for name, (colour, mark) in looks.items():
