@@ -28,7 +28,7 @@ RECORD = Path(__file__).with_suffix(".json")
 PAGE = RECORDS / "diagnosed-dams.md"
 CASES = ROOT / "case_histories" / "experiments"
 FOLDER = ROOT / "results/benchmarks/diagnosed_experiments"
-COARSEST = 4.0
+COARSEST = 2.0
 """Spacing [m] that is fine enough for every experiment."""
 UNKNOWN = "unknown_effect"
 """The verdict that something is missing that has no name."""
@@ -173,7 +173,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                          "Experiments of which it is known what their model lacks.")  # fmt: skip
     parser.add_argument("--cases", nargs="+", choices=list(EXPERIMENTS), default=list(EXPERIMENTS))
     parser.add_argument(
-        "--spacing", type=float, help="of points [m]; default: a twentieth of the height, at most 4"
+        "--spacing", type=float, help="of points [m]; default: a twentieth of the height, at most 2"
     )
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--page", action="store_true", help="only renew the page")

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
     from mpm_taichi.effects.framework.base import Numbers
 
-LEAST_WIDTH = 0.01
-"""Width next to an axis, where it would be 0."""
+NEAR_AXIS = 0.25
+"""Cells from the axis within which the width stays: strain across grows as 1 / distance there."""
 
 
 def width(effect, place):  # noqa: ANN001, ANN201
@@ -23,32 +23,36 @@ def width(effect, place):  # noqa: ANN001, ANN201
     left, right = effect.left_foot - place.x, place.x - effect.right_foot
     beyond, sign = ti.max(left, right), ti.select(left > right, -1.0, 1.0)
     slope = effect.amplitude / effect.height
-    slope = ti.select(beyond < 0.0, effect.inside * slope, slope)
-    found = 1.0 + slope * beyond
-    return ti.Vector(
-        [ti.max(found, LEAST_WIDTH), ti.select(found > LEAST_WIDTH, sign * slope, 0.0)]
-    )
+    if beyond < 0.0:
+        slope = ti.min(slope, effect.slope_inside)
+    found, least = 1.0 + slope * beyond, NEAR_AXIS * place.cell * slope
+    return ti.Vector([ti.max(found, least), ti.select(found > least, sign * slope, 0.0)])
 
 
 def widths(scene: Scene, position: np.ndarray, amplitude: float, parameters: Numbers) -> np.ndarray:
     """The same width at places (N, 2) [m], (N,)."""
     at = constants(scene, amplitude, parameters)
-    x = position[:, 0]
+    x, slope = position[:, 0], amplitude / at["height"]
     beyond = np.maximum(at["left_foot"] - x, x - at["right_foot"])
-    slope = np.where(beyond < 0.0, at["inside"], 1.0) * amplitude / at["height"]
-    return np.maximum(1.0 + slope * beyond, LEAST_WIDTH)
+    slopes = np.where(beyond < 0.0, min(slope, at["slope_inside"]), slope)
+    return np.maximum(1.0 + slopes * beyond, NEAR_AXIS * scene.cell_size * slopes)
 
 
 def constants(scene: Scene, amplitude: float, parameters: Numbers) -> dict[str, float]:
-    """Feet [m], height [m], and 1 where the width falls towards a wall the section leans on."""
-    leans = any(
-        scene.domain.walls == "closed"
+    """Feet and height [m], and the most by which the width falls towards a wall [1/m].
+
+    That is to 0 at a wall the section leans on, and not at all within a section that leans on none.
+    """
+    walls = [
+        scene.foot(other) - scene.end(side)
+        for side, other in (("left", "right"), ("right", "left"))
+        if scene.domain.walls == "closed"
         and not scene.domain.goes_on(side)
         and abs(scene.end(side) - scene.domain.wall(side)) < scene.spacing
-        for side in ("left", "right")
-    )
+    ]
     height = section_height(scene, amplitude, parameters)
-    return {**feet_with_room(scene), **height, "inside": float(leans)}
+    inside = 1.0 / abs(walls[0]) if len(walls) == 1 else 0.0
+    return {**feet_with_room(scene), **height, "slope_inside": inside}
 
 
 def applies(scene: Scene) -> str:
@@ -64,8 +68,8 @@ EFFECT = Effect(
     words="the slide spreads to the sides as it runs out",
     equation=(
         "width w = 1 + a d / H, d the way beyond the foot; strain across ln(w / w_0), and its "
-        "stress pushes outward by sigma_zz w' / w. Of a section that leans on a wall also d < 0: "
-        "with a = H / L it is half of the section through a cylinder of radius L"
+        "stress pushes outward by sigma_zz w' / w. Of a section that leans on a wall also d < 0, "
+        "to 0 at the wall at most: with a = H / L half a section through a cylinder of radius L"
     ),
     source=(
         "material points of an axially symmetric body: Sulsky and Schreyer (1996), Comput. "
@@ -85,7 +89,7 @@ EFFECT = Effect(
         meaning="growth of the width over a way of the section's height, as a share of that at "
         "the foot",
     ),
-    constant_names=("left_foot", "right_foot", "height", "inside"),
+    constant_names=("left_foot", "right_foot", "height", "slope_inside"),
     constants=constants,
     width=width,
     field=widths,
