@@ -65,8 +65,7 @@ from mpm_taichi.layout import (
     vec4,
 )
 from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.splines import BASE_EDGE, LEFT_EDGE, RIGHT_EDGE, edge_weights
-from mpm_taichi.solver.transfer import mass_weights
+from mpm_taichi.solver.transfer import mass_weights, velocity_weights
 
 _F32 = ti.f32
 Renewed = ti.types.vector(RENEWED, ti.f32)
@@ -175,15 +174,6 @@ def stretched_across(stress, strain, volumetric, elastic):
     mean = elastic[BULK_MODULUS] * volumetric
     third = (2.0 / 3.0) * elastic[SHEAR_MODULUS] * strain
     return stress + vec4(mean - third, mean - third, mean + 2.0 * third, 0.0)
-
-
-@ti.func
-def inner_weights(p, points: A, nodes: A):
-    """Weights along x and y by which a point has its velocity from its nodes, each (3,)."""
-    kind, offset = nodes.kind[points.home[p]], points.motion[p]
-    weight_x = edge_weights(offset[OFFSET_X], kind & LEFT_EDGE, kind & RIGHT_EDGE)
-    weight_y = edge_weights(offset[OFFSET_Y], kind & BASE_EDGE, 0)
-    return weight_x, weight_y
 
 
 @ti.func
@@ -350,7 +340,7 @@ def effect_functions(
     def settle_wider(p, step: A, state: A, atomic: A):
         """Both while the stress settles and points stay: by the velocity of the nodes."""
         points, nodes = ti.static((state.points, state.nodes))
-        weight_x, weight_y = inner_weights(p, points, nodes)
+        weight_x, weight_y = velocity_weights(points.motion[p], nodes.kind[points.home[p]])
         speed = 0.0
         for i in ti.static(range(3)):
             for j in ti.static(range(3)):
@@ -373,7 +363,7 @@ def effect_functions(
         slope = widening(place_of(p, step, state), step, state)
         strained = points.volume[p] * (1.0 + points.history[p][VOLUMETRIC])
         force = -slope * strained * points.stress[p][ZZ]
-        weight_x, weight_y = inner_weights(p, points, nodes)
+        weight_x, weight_y = velocity_weights(points.motion[p], nodes.kind[points.home[p]])
         for i in ti.static(range(3)):
             for j in ti.static(range(3)):
                 n = points.home[p] + (i - 1) * step.columns + (j - 1)
