@@ -4,7 +4,8 @@
 
 Each case of `case_histories/experiments` is diagnosed as `flowslide diagnose` does it; its page and
 its runs are kept in `results/benchmarks/diagnosed_experiments/<case>`, so a study that was stopped
-resumes. A verdict is judged by its name: one that is right, none (silence), or one that is false.
+resumes. A verdict is judged by its name: one that is right, none (silence), or one that is false;
+without a name by the explanation that leads, too.
 What is found is kept in `diagnosed_experiments.json` and shown on `docs/records/diagnosed-dams.md`.
 `--page` only renews that page.
 """
@@ -40,7 +41,7 @@ class Known:
 
     Attributes:
         missing: in words.
-        names: hypotheses that say so, or `UNKNOWN` where none does; none: nothing is to be seen.
+        names: hypotheses that say so; none: nothing is to be seen.
         enough: the measurements are enough to see it.
     """
 
@@ -74,16 +75,22 @@ EXPERIMENTS: dict[str, Known] = {
 }
 
 
-def judged(known: Known, verdict: str, named: Sequence[str]) -> str:
-    """What a verdict is: `right`, `silent`, `missed` (silent, and the data are enough) or `false`.
+def judged(known: Known, verdict: str, leading: Sequence[str]) -> str:
+    """What a verdict is: `right`, `right leads`, `silent`, `missed` or `false`.
+
+    It is `silent` without a right name, `missed` if the data are enough for one; `right leads`
+    where no name is given and the right one has most of the probability.
 
     Args:
         known: of the experiment.
         verdict: in one word.
-        named: the answer, or the members of the family that is the answer.
+        leading: the explanation that leads, or the members of its family.
     """
+    if verdict != "identified" and known.names.intersection(leading):
+        return "right leads"
+    named = leading
     if verdict == UNKNOWN:
-        named = [UNKNOWN] if UNKNOWN in known.names or not known.names else []
+        named = [] if known.names else [UNKNOWN]
     elif verdict != "identified":
         named = []
     if named:
@@ -104,7 +111,7 @@ def found_of(name: str, verdict: Mapping[str, Any]) -> dict[str, Any]:
     named = answer["members"] or [effect["name"] for effect in answer["effects"]]
     return {
         "verdict": verdict["verdict"],
-        "named": named if verdict["verdict"] == "identified" else [],
+        "leading": named,
         "judged": judged(EXPERIMENTS[name], verdict["verdict"], named),
         "tested": len(verdict["tested"]),
         "runs": verdict["runs"]["asked"],
@@ -133,7 +140,9 @@ def shown(stored: Mapping[str, Any]) -> str:
         if name not in stored["cases"]:
             continue
         one = stored["cases"][name]
-        names = ", ".join(word.replace("_", " ") for word in one["named"])
+        names = ", ".join(word.replace("_", " ") for word in one["leading"])
+        if names and one["verdict"] != "identified":
+            names += " leads"
         rows.append([
             f"`{name}`", known.missing, one["verdict"].replace("_", " ") + (names and f": {names}"),
             one["judged"],
@@ -185,7 +194,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                                      threads=options.threads)  # fmt: skip
         write_report(folder)
         kept = found_of(name, verdict.model_dump()) | {"spacing_m": spacing}
-        print(f"{name}: {kept['verdict']} {kept['named']} ({kept['judged']})", flush=True)
+        print(f"{name}: {kept['verdict']} {kept['leading']} ({kept['judged']})", flush=True)
         cases = _stored()["cases"] | {name: kept}
         ordered = {each: cases[each] for each in EXPERIMENTS if each in cases}
         write_json(RECORD, {"code_version": version, "cases": ordered})
