@@ -19,22 +19,21 @@ from report.charts.confounding import draw_confounding
 from report.charts.effects import draw_effects
 from report.charts.error_steps import draw_steps
 from report.charts.fingerprints import draw_fingerprints
+from report.charts.hidden import draw_hidden
+from report.charts.overview import draw_overview
 from report.charts.profile import draw_profile
-from report.charts.residuals import draw_groups, draw_residuals, draw_singles
-from report.charts.strength import draw_hidden, draw_strength
+from report.charts.residuals import draw_residuals
 from report.data.diagnosis import load_diagnosis
 
 CASE = Path("docs/examples/hidden_effect")
 OUT = Path("docs/images/diagnosis")
 DRAWN = {
+    "overview": draw_overview,
     "profile": draw_profile,
     "residuals": draw_residuals,
-    "singles": draw_singles,
-    "groups": draw_groups,
     "effects": draw_effects,
     "fingerprints": draw_fingerprints,
     "confounding": draw_confounding,
-    "strength": draw_strength,
     "hidden": draw_hidden,
 }
 

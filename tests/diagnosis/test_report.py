@@ -19,8 +19,8 @@ from pipeline.cli import InputError
 from report.charts.confounding import order
 from report.charts.effects import ranked
 from report.charts.fingerprints import blocks, fingerprints
+from report.charts.hidden import hidden_bars
 from report.charts.profile import heading
-from report.charts.strength import hidden_bars
 from report.charts.strength_curve import plain_knots
 from report.data.diagnosis import DiagnosisData, load_diagnosis
 from report.diagnosis import (
@@ -67,9 +67,8 @@ from tests.diagnosis.verdict_case import (
 )
 from tests.pipeline.test_page import Outline
 
-ALWAYS = {"confounding.svg", "effects.svg", "fingerprints.svg", "groups.svg", "hidden.svg",
-          "histories.svg", "profile.svg", "residuals.svg", "singles.svg",
-          "strength.svg"}  # fmt: skip
+ALWAYS = {"confounding.svg", "effects.svg", "fingerprints.svg", "hidden.svg", "histories.svg",
+          "overview.svg", "profile.svg", "residuals.svg"}  # fmt: skip
 
 
 def checked(path: Path) -> str:
@@ -163,7 +162,7 @@ def test_a_poor_verdict_gives_a_page_without_empty_parts(tmp_path):
     text = page_of(least(), tmp_path)
     made = ["In short", "The strength", "Reviewer&#x27;s checklist", "How this was made"]
     assert headings(text) == made
-    assert pictures(tmp_path) == {"strength.svg"}
+    assert pictures(tmp_path) == {"overview.svg"}
 
 
 @pytest.mark.slow
