@@ -1,7 +1,7 @@
 // Questions about a case, the jobs that answer them, what they found, and their reports.
 
 import { bytes, get, pauseAfter, send } from "./api.js";
-import { draw, historyChart, impliedChart, misfitChart, rankingChart } from "./charts.js";
+import { draw, historyChart, impliedChart, rankingChart } from "./charts.js";
 import { asValues, namedEffects, switches, tellSwitches } from "./effect_switches.js";
 import { askStrengths } from "./predict.js";
 import { download } from "./saving.js";
@@ -22,6 +22,8 @@ const QUESTIONS = [
     ["compare", "Compare", {}], ["explain", "Explain", {}], ["diagnose", "What is missing?", {}],
   ]],
 ];
+
+const OVERVIEW = "overview.svg"; // the picture of a diagnosis
 
 let state, say, slide, watching, jobs = [], tries = 0;
 const lines = new Map(); // number of a job -> { json, line }
@@ -197,7 +199,7 @@ function jobLine(job) {
     line.append(bar);
   }
   if (job.ranking?.length) line.append(rankingChart(job));
-  if (job.misfit?.length) line.append(misfitChart(job.misfit));
+  if (job.state === "done" && job.files.includes(OVERVIEW)) line.append(overview(job));
   if (job.effects?.each.length && isShown(job)) line.append(switches(job, state, slide));
   line.append(...(job.implied ?? []).map((one) => impliedChart(one, isNewest(job))));
   if (job.history?.length) line.append(historyChart(job.history, job.state));
@@ -252,6 +254,14 @@ function jobButtons(job) {
   const film = job.files.find((file) => file.endsWith(".gif"));
   if (job.state === "done" && film) add("Watch the film", () => open(job, film));
   return buttons;
+}
+
+/** The picture of a diagnosis, which a click shows large. */
+function overview(job) {
+  const alt = "The diagnosis in one picture: measurements before and after, what explains them, and the strength by each. Larger";
+  const button = el("button", { className: "overview", title: "Larger" }, el("img", { src: `/api/jobs/${job.id}/files/${OVERVIEW}`, alt }));
+  button.addEventListener("click", () => open(job, OVERVIEW));
+  return button;
 }
 
 function open(job, file) {
