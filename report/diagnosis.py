@@ -169,14 +169,20 @@ def sections(data: DiagnosisData) -> list[PageSection]:
 def _answer(data: DiagnosisData) -> PageSection:
     from report.charts.overview import draw_overview
 
+    caption = (
+        "How far each measurement is off (of several numbers their root mean square), and the S_r "
+        "that would suit it best if it were the only one."
+    )
+    if data.verdict is not None:
+        caption += (
+            " What explains the measurements, with the chance by slides whose truth is known; "
+            "dashed: where S_r lay in nine of ten of those with this verdict."
+        )
     parts = shown(
         draw_overview(data, data.folder / "overview.svg", data.folder / "overview.png"),
         "The diagnosis in one picture: how far each measurement is off, the S_r that it asks for, "
         f"what explains it, and the S_r that follows. {words.refuted_sentence(data.verdict)}",
-        caption="How far each measurement is off (of several numbers their root mean square), and "
-        "the S_r that would suit it best if it were the only one. What explains the measurements, "
-        "with the chance by slides whose truth is known. Dashed: where S_r lay in nine of ten of "
-        "those with this verdict.",
+        caption=caption,
         least_width_px=700,
     )
     skipped = len(data.document.runs.cut_short)

@@ -38,15 +38,13 @@ WIDTH, ROW, LEFT, RIGHT, BETWEEN = 7.4, 0.38, 1.7, 1.3, 0.28
 HEAD, ABOVE, BELOW, LINE, LEGEND = 0.3, 0.3, 0.48, 0.16, 0.17
 #: Share of the width between the margins that the left panels take.
 LEFT_SHARE = 0.47
-#: Largest residual that is drawn in its place [std]; what is asked for is drawn so far beyond the
-#: explanations, as a share of their range.
-MOST_STD, BEYOND = 8.0, 0.4
+#: Largest residual that is drawn in its place [std]; how far what is asked for is drawn beyond the
+#: explanations, as a share of their range; ends of the axis of residuals, in the largest drawn.
+MOST_STD, BEYOND, EDGE = 8.0, 0.4, 1.05
 #: Characters of a name, of a line at the foot and of the heading; columns of the legend.
 NAME, FOOT, LONGEST, COLUMNS = 26, 125, 88, 3
 SHIFT = 0.17
 COLOURS = (style.BEFORE, style.AFTER)
-ELSE = "something else"
-BASE = "base model: nothing is missing"
 
 
 def draw_overview(data: DiagnosisData, *paths: Path) -> Path | None:
@@ -54,6 +52,12 @@ def draw_overview(data: DiagnosisData, *paths: Path) -> Path | None:
 
     A document has something to show if it has measurements or explanations.
     """
+    figure = overview_figure(data)
+    return None if figure is None else [style.save_figure(figure, path) for path in paths][0]
+
+
+def overview_figure(data: DiagnosisData) -> Figure | None:
+    """The picture, or None."""
     shown = overview(data)
     if not shown.measurements and not shown.explanations:
         return None
@@ -74,7 +78,7 @@ def draw_overview(data: DiagnosisData, *paths: Path) -> Path | None:
     style.legend(figure, handles, columns=COLUMNS, y=bottom - legend)
     for place, line in enumerate(foot):
         _write(figure, bottom - legend - 0.16 - LINE * place, line, fontsize=style.SMALL)
-    return [style.save_figure(figure, path) for path in paths][0]
+    return figure
 
 
 def _write(figure: Figure, up: float, text: str, *, left: float = 0.1, **more: object) -> None:
@@ -120,8 +124,9 @@ def _draw_row_of_panels(
     for parameter in shown.strengths:
         beside = style.panel(figure, left, bottom, each, ROW * len(rows))
         _draw_strengths(beside, parameter, shown, rows)
-        title = "S_r that each asks for" if asks else "S_r that follows"
-        _write(figure, up, title, left=left, **bold)
+        if parameter is shown.strengths[0]:
+            title = "S_r that each asks for" if asks else "S_r that follows"
+            _write(figure, up, title, left=left, **bold)
         left += each + BETWEEN
 
 
@@ -135,9 +140,7 @@ def _name_rows(ax: Axes, rows: Sequence[MeasurementRow] | Sequence[ExplanationRo
 def _label(row: MeasurementRow | ExplanationRow) -> str:
     """Two lines: the name, and how far it is off; of an explanation its name alone."""
     if isinstance(row, ExplanationRow):
-        if row.kind != "named":
-            return style.wrapped(ELSE if row.kind == "else" else BASE, NAME, 2)
-        return style.wrapped(explanation(row.names), NAME, 2)
+        return style.wrapped(row.words or explanation(row.names), NAME, 2)
     count = len(row.off[0])
     role = "" if row.role == "fitted" else f" ({row.role})"
     name = f"{row.joined} {row.name}" if row.joined > 1 else shortened(row.name, NAME - len(role))
@@ -155,8 +158,8 @@ def _size(off: Sequence[float]) -> str:
 
 def _draw_residuals(ax: Axes, rows: Sequence[MeasurementRow]) -> str:
     largest = max(abs(one) for row in rows for off in row.off for one in off)
-    reach = min(max(3.0, 1.08 * largest), MOST_STD)
-    ax.set_xlim(-reach, reach)
+    reach = min(max(3.0, largest), MOST_STD)
+    ax.set_xlim(-EDGE * reach, EDGE * reach)
     ax.axvspan(-2, 2, color=style.LINE, alpha=0.55, linewidth=0, zorder=0)
     ax.axvline(0, color=style.TEXT_COLOUR, linewidth=0.8, zorder=1)
     for place, row in enumerate(rows):
@@ -175,7 +178,7 @@ def _lines(place: float, count: int) -> list[float]:
 
 def _draw_off(ax: Axes, at: float, off: Sequence[float], mark: str, colour: str) -> None:
     """One number as a mark; several as ticks about their mean, with a line from end to end."""
-    reach = ax.get_xlim()[1]
+    reach = ax.get_xlim()[1] / EDGE
     within = [min(max(one, -reach), reach) for one in off]
     if len(off) > 1:
         ax.plot([min(within), max(within)], [at] * 2, color=colour, linewidth=1.0, zorder=2)
@@ -183,7 +186,7 @@ def _draw_off(ax: Axes, at: float, off: Sequence[float], mark: str, colour: str)
     middle = sum(off) / len(off)
     inside = abs(middle) <= reach
     shape = mark if inside else ">" if middle > 0 else "<"
-    _draw_mark(ax, middle if inside else math.copysign(0.975 * reach, middle), at, shape, colour)
+    _draw_mark(ax, middle if inside else math.copysign(reach, middle), at, shape, colour)
 
 
 def _draw_mark(ax: Axes, x: float, y: float, mark: str, colour: str, **more: object) -> None:
@@ -197,10 +200,7 @@ def _draw_chances(ax: Axes, rows: Sequence[ExplanationRow]) -> str:
     ax.set_xticks(range(0, 101, 25))
     for place, row in enumerate(rows):
         if row.chance is None:
-            words = "its tests fail" if row.kind == "base" else "does not suffice"
-            style.tell(
-                ax, 0, place, "no chance known" if row.kind == "else" else words, color=style.NOTE
-            )
+            style.tell(ax, 0, place, row.note, color=style.NOTE)
             continue
         hatch = {"hatch": "////", "edgecolor": style.GREY} if row.kind == "else" else {}
         colour = {"base": style.BEFORE, "named": style.AFTER, "else": "white"}[row.kind]
@@ -220,7 +220,8 @@ def shown_range(shown: Overview, name: str) -> tuple[float, float]:
     for row in shown.explanations:
         ends += [one for one in row.strengths.get(name, ()) if one is not None]
     near = BEYOND * max(max(ends) - min(ends), 0.8 * max(ends))
-    asked = [one[0] for row in shown.measurements for one in row.asked.get(name, ()) if one]
+    rows = shown.measurements
+    asked = [end for row in rows for one in row.asked.get(name, ()) for end in one or ()]
     ends += [min(max(one, min(ends) - near), max(ends) + near) for one in asked]
     room = 0.06 * max(max(ends) - min(ends), 0.3 * max(ends))
     return max(min(ends) - room, 0.0), max(ends) + room
@@ -246,7 +247,8 @@ def _draw_strengths(
             _draw_asked(ax, place, row, name, tell)
         elif name in row.strengths:
             _draw_explained(ax, place, row, row.strengths[name], tell)
-    style.labels(ax, style.wrapped(f"{parameter.words}, {unit_of(parameter.unit)}", 40, 1))
+    label = f"{parameter.words}, {unit_of(parameter.unit)}"
+    style.labels(ax, style.wrapped(label, 40 if tell else 24, 1 if tell else 2))
     ax.xaxis.label.set_size(style.SMALL)
 
 

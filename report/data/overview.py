@@ -19,7 +19,7 @@ from report.numbers import root_mean_square
 
 #: Rows that a reader takes in; measurements beyond are one row, explanations beyond are left out.
 MOST_MEASUREMENTS, MOST_NAMED, MOST_STRENGTHS = 9, 5, 2
-NO_CHANCE = "no chance known"
+BASE, NO_CHANCE = "base model: nothing is missing", "no chance known"
 
 Range = tuple[float | None, float, float]
 """A value, where there is one, and both ends."""
@@ -56,6 +56,7 @@ class ExplanationRow:
 
     Attributes:
         names: its effects; empty: the base model, or nothing that has a name.
+        words: what it is where it has no effects.
         kind: base model, named, or something else.
         chance: that it is right, by slides whose truth is known; None: they tell nothing of it.
         note: what is said where there is no chance.
@@ -63,6 +64,7 @@ class ExplanationRow:
     """
 
     names: list[str]
+    words: str
     kind: Literal["base", "named", "else"]
     chance: float | None
     note: str
@@ -201,7 +203,7 @@ def _best_first(found: Verdict, tried: Iterable[NamedSet]) -> list[NamedSet]:
 
 def _row(one: NamedSet, chance: float | None, note: str = NO_CHANCE) -> ExplanationRow:
     ranges: dict[str, Range] = {n: (one.values[n], *ends) for n, ends in one.interval_95.items()}
-    return ExplanationRow(one.names, "named", chance, note, ranges)
+    return ExplanationRow(one.names, "", "named", chance, note, ranges)
 
 
 def _other_rows(found: Verdict) -> list[ExplanationRow]:
@@ -210,9 +212,11 @@ def _other_rows(found: Verdict) -> list[ExplanationRow]:
     spans = {n: span for n in found.quoted if (span := record_span(found, n)) is not None}
     right, wrong = _chances(found, worth_of(found.verdict) if spans else None)
     note = "its tests fail" if _explains(found) else NO_CHANCE
+    other = "something that does not show" if found.verdict == "adequate" else "something else"
+    ranges: dict[str, Range] = {name: (None, *span) for name, span in spans.items()}
     return [
-        ExplanationRow([], "base", right, note, base),
-        ExplanationRow([], "else", wrong, NO_CHANCE, {n: (None, *s) for n, s in spans.items()}),
+        ExplanationRow([], BASE, "base", right, note, base),
+        ExplanationRow([], other, "else", wrong, NO_CHANCE, ranges),
     ]
 
 
