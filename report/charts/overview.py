@@ -61,7 +61,7 @@ def overview_figure(data: DiagnosisData) -> Figure | None:
     shown = overview(data)
     if not shown.measurements and not shown.explanations:
         return None
-    foot = textwrap.wrap(refuted_sentence(data.verdict), FOOT)
+    foot = textwrap.wrap(refuted_sentence(data.verdict).replace(" ± ", "\xa0±\xa0"), FOOT)
     handles = _handles(data, shown)
     counts = [len(rows) for rows in (shown.measurements, shown.explanations) if rows]
     legend = LEGEND * math.ceil(len(handles) / COLUMNS) + 0.12

@@ -178,7 +178,7 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
     rivals = data.verdict.answer.set_90
     if len(rivals) > 1 and not unknown:
         listed = "; ".join(f"{explanation(r.names)} ({percent(r.probability)})" for r in rivals)
-        said.append(f"Explanations that together have 90 % of the probability: {listed}.")
+        said.append(f"Together 90 % of the probability among those tried: {listed}.")
     elif rivals and rivals[0].names and not unknown:
         said.append(
             f"It has {percent(rivals[0].probability)} of the probability {AMONG}; no alternative "
