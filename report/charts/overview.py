@@ -282,7 +282,8 @@ def _draw_range(
         shape = "<" if value < left else ">" if value > right else mark
         _draw_mark(ax, min(max(value, left), right), at, shape, colour, clip_on=False)
     if tell:
-        style.tell(ax, right, at, range_words(one), away=(6, 0), color=colour)
+        beside = {"transform": ax.get_yaxis_transform(), "va": "center", "fontsize": style.SMALL}
+        ax.text(1.04, at, range_words(one), color=colour, **beside)
 
 
 def range_words(one: Range) -> str:

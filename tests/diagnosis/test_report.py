@@ -53,7 +53,7 @@ from report.sentences.diagnosis import (
     worth_sentence,
 )
 from report.table import plain
-from report.tables.diagnosis import outcomes_table
+from report.tables.diagnosis import key_numbers, outcomes_table
 from tests.diagnosis.verdict_case import (
     NASTY,
     adequate,
@@ -288,11 +288,11 @@ def test_the_fall_is_reported_on_both_kinds_of_data():
     assert fall_sentence(data_of(adequate())) == ""
 
 
-def test_a_second_section_judges_the_answer(tmp_path):
+def test_a_second_section_judges_the_answer():
     check = ValidationCase(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
-    read = told(page_of(identified().model_copy(update={"validation_case": check}), tmp_path))
-    assert "misfit, second dam 3.0 → 1.0 " in read
-    assert "On second dam, which was not fitted (12 numbers" in read
+    data = data_of(identified().model_copy(update={"validation_case": check}))
+    assert "misfit, second dam 3.0 → 1.0 " in told(key_numbers(data).html())
+    assert "On second dam, which was not fitted (12 numbers" in validation_sentence(data)
     assert validation_sentence(data_of(identified())) == ""
 
 

@@ -198,8 +198,8 @@ function jobLine(job) {
     if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
     line.append(bar);
   }
-  if (job.ranking?.length) line.append(rankingChart(job));
   if (job.state === "done" && job.files.includes(OVERVIEW)) line.append(overview(job));
+  if (job.ranking?.length) line.append(rankingChart(job));
   if (job.effects?.each.length && isShown(job)) line.append(switches(job, state, slide));
   line.append(...(job.implied ?? []).map((one) => impliedChart(one, isNewest(job))));
   if (job.history?.length) line.append(historyChart(job.history, job.state));
@@ -256,11 +256,11 @@ function jobButtons(job) {
   return buttons;
 }
 
-/** The picture of a diagnosis, which a click shows large. */
+/** The picture of a diagnosis; a click opens the report, which begins with it. */
 function overview(job) {
-  const alt = "The diagnosis in one picture: measurements before and after, what explains them, and the strength by each. Larger";
-  const button = el("button", { className: "overview", title: "Larger" }, el("img", { src: `/api/jobs/${job.id}/files/${OVERVIEW}`, alt }));
-  button.addEventListener("click", () => open(job, OVERVIEW));
+  const alt = "The diagnosis in one picture: measurements before and after, what explains them, and the strength by each";
+  const button = el("button", { className: "overview", title: "Open the report" }, el("img", { src: `/api/jobs/${job.id}/files/${OVERVIEW}`, alt }));
+  button.addEventListener("click", () => open(job, job.page));
   return button;
 }
 
