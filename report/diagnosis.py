@@ -312,7 +312,8 @@ def _confounding(data: DiagnosisData) -> PageSection:
         draw_confounding(data, data.folder / "confounding.svg"),
         "Triangle of the similarity of each pair of effects.",
         *words.confounding_sentences(data),
-        "Similarity of the fingerprints, |cos|, for every pair, with similar effects together.",
+        "Similarity of the fingerprints, |cos|, by pairs, with similar effects together; of many "
+        "effects those that look most like another, the best scores first.",
     )
     return PageSection("What cannot be distinguished", parts)
 

@@ -16,7 +16,7 @@ from diagnosis.verdict.verdict import SOLVER_ERRORS, ValidationCase, Verdict, sa
 from flowslide.studio import diagnosis_answers
 from inversion.back_analysis.result import FittedTo
 from pipeline.cli import InputError
-from report.charts.confounding import order
+from report.charts.confounding import MOST, most_alike, order
 from report.charts.effects import ranked
 from report.charts.fingerprints import blocks, fingerprints
 from report.charts.hidden import hidden_bars
@@ -407,6 +407,15 @@ def test_like_stands_next_to_like():
     places = [names.index(name) for name in ("pore_pressure", "overburden_strength")]
     assert abs(places[0] - places[1]) == 1
     assert sorted(names) == sorted(found.names)
+
+
+def test_effects_that_look_like_another_are_shown_where_there_is_no_room_for_all():
+    cosine = np.eye(50)
+    for one, other in ((3, 49), (10, 45)):
+        cosine[one, other] = cosine[other, one] = 0.9
+    kept = most_alike(cosine)
+    assert kept == sorted(kept) and len(kept) == MOST and {3, 49, 10, 45} < set(kept)
+    assert most_alike(np.eye(4)) == [0, 1, 2, 3]
 
 
 def test_the_largest_hidden_shift_comes_first():
