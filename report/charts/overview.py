@@ -319,7 +319,10 @@ def _handles(data: DiagnosisData, shown: Overview) -> list[Artist]:
     if rows:
         made.append(Patch(facecolor=style.LINE, alpha=0.55, label="95 % of noise"))
     if shown.strengths:
-        words = "$S_r$ to use, 95 %" if data.verdict is not None else "by all together, 95 %"
+        words = "by all together, 95 %"
+        if data.verdict is not None:
+            only = data.verdict.verdict in UNEXPLAINED
+            words = "$S_r$, only a range" if only else "$S_r$ to use, 95 %"
         made.append(Patch(facecolor=style.OURS, alpha=0.13, label=words))
         made.append(Line2D([], [], color=style.GREY, linewidth=2.2, label="95 % interval"))
     if any(row.kind == "else" and row.strengths for row in shown.explanations):
