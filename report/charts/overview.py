@@ -205,7 +205,8 @@ def _draw_chances(ax: Axes, rows: Sequence[ExplanationRow]) -> str:
         hatch = {"hatch": "////", "edgecolor": style.GREY} if row.kind == "else" else {}
         colour = {"base": style.BEFORE, "named": style.AFTER, "else": "white"}[row.kind]
         ax.barh(place, 100 * row.chance, height=0.5, color=colour, linewidth=0.8, zorder=3, **hatch)
-        style.tell(ax, 100 * row.chance, place, percent(row.chance))
+        told = percent(row.chance) if row.chance >= 0.005 else "under 1 %"
+        style.tell(ax, 100 * row.chance, place, told)
     style.labels(ax, "chance that it is right, %")
     ax.xaxis.label.set_size(style.SMALL)
     return "What explains it, and how likely that is"
