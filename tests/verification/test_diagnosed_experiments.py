@@ -29,7 +29,8 @@ def test_right_names_are_on_trial(name, tmp_path):
         ("granular_column", "ambiguous", ["dilatancy"], "silent"),
         ("granular_column_short", "adequate", [], "right"),
         ("granular_column_short", "unknown_effect", [], "false"),
-        ("granular_cylinder", "unknown_effect", [], "right"),
+        ("granular_cylinder", "identified", ["radial_spreading"], "right"),
+        ("granular_cylinder", "unknown_effect", [], "silent"),
         ("granular_cylinder", "identified", ["shaking"], "false"),
     ],
 )

@@ -420,7 +420,7 @@ def _aftershock(one: Hidden, loading: Loading, moment: Moment) -> np.ndarray:
     since = (moment.time - 8.0) / 6.0
     size = 0.0
     if 0.0 < since < 1.0:
-        size = -np.sin(np.pi * since) ** 2 * np.cos(2.0 * np.pi * (moment.time - 8.0))
+        size = -(np.sin(np.pi * since) ** 2) * np.cos(2.0 * np.pi * (moment.time - 8.0))
     return np.tile([one.amplitude * GRAVITY * size, 0.0], (len(loading.points), 1))
 
 
