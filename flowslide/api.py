@@ -1198,10 +1198,10 @@ def write_report(
     case: Place | None = None,
     film: bool = True,
 ) -> Path:
-    """Write the page of a back-analysis or of a diagnosis, with its pictures next to it.
+    """Write the page of what was answered in a folder again, with its pictures next to it.
 
     Args:
-        folder: `out` of `back_analyse`, `posterior` or `diagnose`.
+        folder: `out` of `back_analyse`, `posterior`, `joint` or `diagnose`.
         case: folder of the case, of a back-analysis; None: the one of that name that ships.
         film: of a back-analysis: make a new film; False: show the one that is there, if any.
 
@@ -1209,19 +1209,15 @@ def write_report(
         The page, `report.html`: one file that needs nothing else.
 
     Raises:
-        InputError: the folder holds no result, posterior or verdict.
+        InputError: the folder holds no result, posterior, joint relation or verdict.
     """
-    folder = Path(folder)
-    if (folder / "posterior.json").is_file():
-        from report.posterior import write_report as write_posterior
-
-        return write_posterior(folder)
-    if (folder / "verdict.json").is_file():
-        from report.diagnosis import write_report as write_diagnosis
-
-        return write_diagnosis(folder)
     from report.back_analysis import write_report as write_back_analysis
     from report.data.back_analysis import load_back_analysis
+    from report.of_folder import answered
+
+    folder = Path(folder)
+    if (known := answered(folder)) is not None:
+        return known.write()
 
     return write_back_analysis(
         load_back_analysis(folder, None if case is None else os.fspath(case)), film=film

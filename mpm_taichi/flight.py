@@ -10,6 +10,7 @@ import numpy as np
 
 from geometry.sides import SIDES, outward_of
 from mpm_taichi import layout
+from mpm_taichi.effects import relative_width
 from mpm_taichi.effects.framework.between import PointsNow, SettledPoints
 from mpm_taichi.rest import stands_still, still_frames
 from mpm_taichi.solver.boundary import MARGIN
@@ -150,7 +151,7 @@ class Flight:
         if not self.hosted:
             start = SettledPoints(
                 position=prepared.points.position[prepared.order],
-                volume=prepared.volume,
+                volume=prepared.volume / prepared.width,
                 stress=slots.stress[where],
                 row=prepared.row,
                 soils=prepared.soils,
@@ -327,7 +328,9 @@ class Flight:
         history = slots.history[where]
         volume = points.volume.astype(np.float32)
         initial_volume = volume.copy()
-        volume[order] = prepared.volume * (1.0 + history[:, layout.VOLUMETRIC])
+        area = prepared.volume * (1.0 + history[:, layout.VOLUMETRIC])
+        last = self.frames[-1].astype(np.float64)
+        volume[order] = area / relative_width(prepared.effects, prepared.scene, last)
         energies = np.stack(self.energies)
         potential = np.array([self._potential(frame) for frame in self.frames])
         names = {

@@ -167,6 +167,24 @@ def sections(data: DiagnosisData) -> list[PageSection]:
 
 
 def _answer(data: DiagnosisData) -> PageSection:
+    from report.charts.overview import draw_overview
+
+    caption = (
+        "How far each measurement is off (of several numbers their root mean square), and the S_r "
+        "that would suit it best if it were the only one."
+    )
+    if data.verdict is not None:
+        caption += (
+            " What explains the measurements, with the chance by slides whose truth is known; "
+            "dashed: where S_r lay in nine of ten of those with this verdict."
+        )
+    parts = shown(
+        draw_overview(data, data.folder / "overview.svg", data.folder / "overview.png"),
+        "The diagnosis in one picture: how far each measurement is off, the S_r that it asks for, "
+        f"what explains it, and the S_r that follows. {words.refuted_sentence(data.verdict)}",
+        caption=caption,
+        least_width_px=700,
+    )
     skipped = len(data.document.runs.cut_short)
     remark = (
         f"The run budget was exhausted: {plural(skipped, 'step')} of the search "
@@ -181,12 +199,11 @@ def _answer(data: DiagnosisData) -> PageSection:
         words.tested_sentence(data),
         remark if skipped else "",
     ]
-    return PageSection("In short", [tables.key_numbers(data), *said(sentences)])
+    return PageSection("In short", [tables.key_numbers(data), *parts, *said(sentences)])
 
 
 def _profile(data: DiagnosisData) -> PageSection:
     from report.charts.profile import draw_profile
-    from report.charts.residuals import draw_singles
 
     title = "Measured against modelled"
     parts = shown(
@@ -199,17 +216,14 @@ def _profile(data: DiagnosisData) -> PageSection:
         draw_profile(data, data.folder / "histories.svg", axis="time_s"),
         "Measured histories, base model and model of the answer.",
     )
-    if single := draw_singles(data, data.folder / "singles.svg"):
-        parts += shown(single, "Single measurements: residuals before and after.")
-        parts += tabulated(tables.singles_table(data))
-    if parts:
+    if any(m.predicted_base is not None for m in data.measurements):
         parts += said([words.role_sentence(data)])
         parts += folded("Every number", tables.measurements_table(data.measurements))
     return PageSection(title, parts)
 
 
 def _where(data: DiagnosisData) -> PageSection:
-    from report.charts.residuals import draw_groups, draw_residuals
+    from report.charts.residuals import draw_residuals
 
     title = "Where it fails"
     if not data.measurements:
@@ -224,12 +238,6 @@ def _where(data: DiagnosisData) -> PageSection:
         "Standardised residuals with the worst stretch.",
         "Residuals: measured minus modelled, in total standard deviations; 95 % lie within the "
         "grey band if the model is adequate. Yellow: the worst stretch.",
-    )
-    parts += shown(
-        draw_groups(data, data.folder / "groups.svg"),
-        "Bars of the misfit of each measurement.",
-        "By measurement: excess of the sum of squared residuals over that of noise, in standard "
-        "deviations of noise (in brackets: how many numbers were fitted).",
     )
     numbers = tables.tests_table(data), tables.groups_table(data)
     return PageSection(title, [*parts, *folded("Tests and groups in numbers", *numbers)])
@@ -304,28 +312,23 @@ def _confounding(data: DiagnosisData) -> PageSection:
         draw_confounding(data, data.folder / "confounding.svg"),
         "Triangle of the similarity of each pair of effects.",
         *words.confounding_sentences(data),
-        "Similarity of the fingerprints, |cos|, for every pair, with similar effects together.",
+        "Similarity of the fingerprints, |cos|, by pairs, with similar effects together; of many "
+        "effects those that look most like another, the best scores first.",
     )
     return PageSection("What cannot be distinguished", parts)
 
 
 def _strength(data: DiagnosisData) -> PageSection:
-    from report.charts.strength import draw_strength
-
     title = "The strength before and after" if data.final is not None else "The strength"
     both = two_strengths(data.folder).parts()
     if data.verdict is None:
         return PageSection(title, both)
-    parts = shown(
-        draw_strength(data, data.folder / "strength.svg"),
-        "Each parameter with two standard deviations, before and after.",
-        *words.strength_sentences(data),
-    )
-    return PageSection(title, [*parts, *both])
+    told = [*said(words.strength_sentences(data)), *tabulated(tables.parameters_table(data))]
+    return PageSection(title, [*told, *both])
 
 
 def _hidden(data: DiagnosisData) -> PageSection:
-    from report.charts.strength import draw_hidden
+    from report.charts.hidden import draw_hidden
 
     parts = shown(
         draw_hidden(data, data.folder / "hidden.svg"),

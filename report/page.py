@@ -259,6 +259,6 @@ figcaption { color: var(--soft); font-size: .92rem; margin-top: .3rem; }
   video, figure:has(video) { display: none; }
   img { max-height: 21cm; object-fit: contain; }
   img[src^="data:image/svg"] { width: min(100%, 28rem); }
-  .picture img, .picture video { min-width: 0; }
+  .picture img, .picture video { width: 100%; min-width: 0; }
 }
 """

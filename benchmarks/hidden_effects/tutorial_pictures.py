@@ -12,30 +12,28 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from PIL import Image
+
 from diagnosis.verdict.verdict import FILE_NAME
 from flowslide.command_line import main as flowslide
 from pipeline.cli import base_parser, main_exit
 from report.charts.confounding import draw_confounding
-from report.charts.effects import draw_effects
-from report.charts.error_steps import draw_steps
 from report.charts.fingerprints import draw_fingerprints
+from report.charts.overview import draw_overview
 from report.charts.profile import draw_profile
-from report.charts.residuals import draw_groups, draw_residuals, draw_singles
-from report.charts.strength import draw_hidden, draw_strength
+from report.charts.residuals import draw_residuals
 from report.data.diagnosis import load_diagnosis
 
+#: Of a picture: few, so that the checkout stays small.
+COLOURS = 64
 CASE = Path("docs/examples/hidden_effect")
 OUT = Path("docs/images/diagnosis")
 DRAWN = {
+    "overview": draw_overview,
     "profile": draw_profile,
     "residuals": draw_residuals,
-    "singles": draw_singles,
-    "groups": draw_groups,
-    "effects": draw_effects,
     "fingerprints": draw_fingerprints,
     "confounding": draw_confounding,
-    "strength": draw_strength,
-    "hidden": draw_hidden,
 }
 
 
@@ -53,8 +51,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     data = load_diagnosis(arguments.folder)
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name, draw in DRAWN.items():
-        draw(data, arguments.out / f"{name}.png")
-    draw_steps(data.verdict.steps, arguments.out / "steps.png")
+        path = draw(data, arguments.out / f"{name}.png")
+        if path is not None:
+            few = Image.open(path).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+            few.save(path, optimize=True)
     return 0
 
 

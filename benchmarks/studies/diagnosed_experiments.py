@@ -4,7 +4,8 @@
 
 Each case of `case_histories/experiments` is diagnosed as `flowslide diagnose` does it; its page and
 its runs are kept in `results/benchmarks/diagnosed_experiments/<case>`, so a study that was stopped
-resumes. A verdict is judged by its name: one that is right, none (silence), or one that is false.
+resumes. A verdict is judged by its name: one that is right, none (silence), or one that is false;
+without a name by the explanation that leads, too.
 What is found is kept in `diagnosed_experiments.json` and shown on `docs/records/diagnosed-dams.md`.
 `--page` only renews that page.
 """
@@ -18,6 +19,7 @@ from typing import Any
 
 import flowslide
 from benchmarks.generated_pages import RECORDS, ROOT, renew, table
+from geometry.scenes.scene import load_scene
 from pipeline.cli import base_parser, main_exit
 from pipeline.files import read_json, write_json
 from pipeline.manifest import code_version
@@ -27,6 +29,8 @@ RECORD = Path(__file__).with_suffix(".json")
 PAGE = RECORDS / "diagnosed-dams.md"
 CASES = ROOT / "case_histories" / "experiments"
 FOLDER = ROOT / "results/benchmarks/diagnosed_experiments"
+COARSEST = 2.0
+"""Spacing [m] that is fine enough for every experiment."""
 UNKNOWN = "unknown_effect"
 """The verdict that something is missing that has no name."""
 
@@ -37,7 +41,7 @@ class Known:
 
     Attributes:
         missing: in words.
-        names: hypotheses that say so, or `UNKNOWN` where none does; none: nothing is to be seen.
+        names: hypotheses that say so; none: nothing is to be seen.
         enough: the measurements are enough to see it.
     """
 
@@ -53,7 +57,7 @@ EXPERIMENTS: dict[str, Known] = {
     "granular_column_tall": _RATE,
     "granular_column_short": Known("hardly anything: a thick slow slide"),
     "granular_cylinder": Known(
-        "the third dimension: it spreads to all sides", frozenset({UNKNOWN})
+        "the third dimension: it spreads to all sides", frozenset({"radial_spreading"})
     ),
     "granular_slope": Known(
         "the inclination of the plane, 10 degrees",
@@ -71,16 +75,22 @@ EXPERIMENTS: dict[str, Known] = {
 }
 
 
-def judged(known: Known, verdict: str, named: Sequence[str]) -> str:
-    """What a verdict is: `right`, `silent`, `missed` (silent, and the data are enough) or `false`.
+def judged(known: Known, verdict: str, leading: Sequence[str]) -> str:
+    """What a verdict is: `right`, `right leads`, `silent`, `missed` or `false`.
+
+    It is `silent` without a right name, `missed` if the data are enough for one; `right leads`
+    where no name is given and the right one has most of the probability.
 
     Args:
         known: of the experiment.
         verdict: in one word.
-        named: the answer, or the members of the family that is the answer.
+        leading: the explanation that leads, or the members of its family.
     """
+    if verdict != "identified" and known.names.intersection(leading):
+        return "right leads"
+    named = leading
     if verdict == UNKNOWN:
-        named = [UNKNOWN] if UNKNOWN in known.names or not known.names else []
+        named = [] if known.names else [UNKNOWN]
     elif verdict != "identified":
         named = []
     if named:
@@ -90,13 +100,18 @@ def judged(known: Known, verdict: str, named: Sequence[str]) -> str:
     return "missed" if known.enough else "silent"
 
 
+def fine_enough(name: str) -> float:
+    """Spacing [m] of a twentieth of the height of an experiment, at most `COARSEST`."""
+    return min(COARSEST, load_scene(CASES / name / "scene.yaml").height / 20.0)
+
+
 def found_of(name: str, verdict: Mapping[str, Any]) -> dict[str, Any]:
     """What is kept of a verdict."""
     answer, base, final = (verdict[part] for part in ("answer", "base", "final"))
     named = answer["members"] or [effect["name"] for effect in answer["effects"]]
     return {
         "verdict": verdict["verdict"],
-        "named": named if verdict["verdict"] == "identified" else [],
+        "leading": named,
         "judged": judged(EXPERIMENTS[name], verdict["verdict"], named),
         "tested": len(verdict["tested"]),
         "runs": verdict["runs"]["asked"],
@@ -125,7 +140,9 @@ def shown(stored: Mapping[str, Any]) -> str:
         if name not in stored["cases"]:
             continue
         one = stored["cases"][name]
-        names = ", ".join(word.replace("_", " ") for word in one["named"])
+        names = ", ".join(word.replace("_", " ") for word in one["leading"])
+        if names and one["verdict"] != "identified":
+            names += " leads"
         rows.append([
             f"`{name}`", known.missing, one["verdict"].replace("_", " ") + (names and f": {names}"),
             one["judged"],
@@ -164,18 +181,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = base_parser("python -m benchmarks.studies.diagnosed_experiments",
                          "Experiments of which it is known what their model lacks.")  # fmt: skip
     parser.add_argument("--cases", nargs="+", choices=list(EXPERIMENTS), default=list(EXPERIMENTS))
-    parser.add_argument("--spacing", type=float, default=4.0, help="of points [m]; default: 4")
+    parser.add_argument(
+        "--spacing", type=float, help="of points [m]; default: a twentieth of the height, at most 2"
+    )
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--page", action="store_true", help="only renew the page")
     options = parser.parse_args(argv)
     version = code_version()  # before the record itself changes
     for name in [] if options.page else options.cases:
-        folder = FOLDER / name
-        verdict = flowslide.diagnose(CASES / name, out=folder, spacing_m=options.spacing,
+        folder, spacing = FOLDER / name, options.spacing or fine_enough(name)
+        verdict = flowslide.diagnose(CASES / name, out=folder, spacing_m=spacing,
                                      threads=options.threads)  # fmt: skip
         write_report(folder)
-        kept = found_of(name, verdict.model_dump()) | {"spacing_m": options.spacing}
-        print(f"{name}: {kept['verdict']} {kept['named']} ({kept['judged']})", flush=True)
+        kept = found_of(name, verdict.model_dump()) | {"spacing_m": spacing}
+        print(f"{name}: {kept['verdict']} {kept['leading']} ({kept['judged']})", flush=True)
         cases = _stored()["cases"] | {name: kept}
         ordered = {each: cases[each] for each in EXPERIMENTS if each in cases}
         write_json(RECORD, {"code_version": version, "cases": ordered})

@@ -38,8 +38,6 @@ COLUMNS = (
     "runout of far ones, %", "profile, % of area", "covered, %",
     "half-way time, %", "duration, %", "times covered, %",
 )  # fmt: skip
-SHORT = COLUMNS[:8]
-"""Of the table by template; `card.yaml` has the others."""
 
 
 def main() -> None:
@@ -109,13 +107,9 @@ def page(card: dict, noise: dict[str, float]) -> str:
         "",
         "![Deposits](../images/direct/deposits.png)",
         "",
-        "### By template",
-        "",
-        "(a) to (d) are the paper's; `dam` are free-standing dams with shells of two layers, "
-        "`hydraulic` those of hydraulic fill. All columns: `models/direct/card.yaml`.",
+        "By template: `models/direct/card.yaml`.",
         "",
     ]
-    lines += [_table({k: row for k, row in accuracy.items() if k != "all"}, "template", SHORT), ""]
     lines += ["### Dams of the case histories", "", learned_on_dams.WORDS, ""]
     lines += [learned_on_dams.dams(), "", learned_on_dams.ANSWERS, "", learned_on_dams.answers()]
     lines += ["", learned_on_dams.VARIANTS_WORDS, "", learned_on_dams.variants(), ""]

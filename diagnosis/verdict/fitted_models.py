@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -23,10 +24,11 @@ from diagnosis.hypotheses.hypothesis_file import FOLDER, Hypothesis, save_hypoth
 from diagnosis.selection.quoted_strength import Quoted
 from diagnosis.verdict import verdict
 from diagnosis.verdict.verdict import WaterfallStep
+from inversion.back_analysis.implied_strengths import NOTICED
 from inversion.back_analysis.result import FittedTo, fitted_to
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data, Places, Targets
-from inversion.estimation.misfit import augmented_residual, system
+from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import RESIDUAL_STRENGTH
@@ -98,22 +100,17 @@ def stage(
     """
     space, x = fit.space, fit.x
     linear = system(data, fit.space, fit.derivative, fit.x)
-    std = linear.spread_with(error)
     free = [change for name, change in (assumed or {}).items() if name not in fit.names]
     wider = linear.with_assumed(free).spread_with(error)[: space.size]
-    low = space.clipped(x - WIDE * std)
-    high = space.clipped(x + WIDE * std)
     names = space.parameters.names
-    values, lows, highs = (space.values(at) for at in (x, low, high))
-    outside = (std * space.per_unit(x))[: space.p]
+    values, interval = fitted_values(data, fit, error)
+    outside = (linear.spread_with(error) * space.per_unit(x))[: space.p]
     return verdict.FittedModelSummary(
         effects=space.amplitudes(x),
-        values=_mapping(names, values),
+        values=values,
         std=_mapping(names, outside),
         std_assumed=_mapping(names, (wider * space.per_unit(x))[: space.p]) if free else {},
-        interval_95={
-            name: (float(a), float(b)) for name, a, b in zip(names, lows, highs, strict=True)
-        },
+        interval_95=interval,
         chi2=adequacy.chi2,
         dof=adequacy.dof,
         p_combined=adequacy.p_combined,
@@ -124,7 +121,56 @@ def stage(
         ],
         window=None if window is None else window_part(window, targets),
         held_out=held_out_part(adequacy.held_out),
+        asked=asked_strengths(data, fit, targets),
     )
+
+
+def fitted_values(
+    data: Data, fit: Fit, error: np.ndarray | None
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Parameters of a fit by name, and their 95 % intervals, cut at the bounds."""
+    names = fit.space.parameters.names
+    value, low, high = _ends(fit, fit.x, system(data, fit.space, fit.derivative, fit.x), error)
+    ends = zip(low, high, strict=True)
+    return dict(zip(names, value, strict=True)), dict(zip(names, ends, strict=True))
+
+
+def _ends(fit: Fit, x: np.ndarray, linear: System, error: np.ndarray | None) -> list[list[float]]:
+    """Parameters (p,) at x, and the ends of their 95 % intervals."""
+    std, space = linear.spread_with(error), fit.space
+    return [space.values(space.clipped(x + far * std)).tolist() for far in (0.0, -WIDE, WIDE)]
+
+
+def asked_strengths(data: Data, fit: Fit, targets: Targets) -> list[verdict.AskedStrength]:
+    """What the numbers of each measurement ask for without all others, linear at a fit.
+
+    Other parameters give way within what is known of them beforehand; amplitudes stay.
+    """
+    known = np.isfinite(fit.prediction) & np.isfinite(fit.derivative).all(axis=1)
+    found: list[verdict.AskedStrength] = []
+    for place, entry in enumerate(targets.entries):
+        own = known & (np.array(targets.groups) == place)
+        for role, chosen in (("fitted", data.fitted), ("held out", data.held_out)):
+            alone = replace(data, fitted=chosen[own[chosen]])
+            if len(alone.fitted):
+                found += _asked(alone, fit, {"measurement": entry.name, "role": role})
+    return found
+
+
+def _asked(alone: Data, fit: Fit, of: dict[str, Any]) -> list[verdict.AskedStrength]:
+    """What one measurement asks of every strength that it notices."""
+    space, p = fit.space, fit.space.p
+    linear = system(alone, space, fit.derivative, fit.x)
+    linear = replace(linear, moving=space.free & (np.arange(space.size) < p))
+    x = fit.x + linear.imitating(augmented_residual(alone, space, fit.prediction, fit.x))
+    halved = np.log(2.0) / space.parameters.prior_std
+    moved = np.linalg.norm(alone.whitened(fit.derivative)[:, :p], axis=0) * halved
+    found = zip(space.parameters.specs, moved, *_ends(fit, x, linear, None), strict=True)
+    return [
+        verdict.AskedStrength(parameter=spec.name, value=value, interval_95=(low, high), **of)
+        for spec, much, value, low, high in found
+        if spec.property == RESIDUAL_STRENGTH and much >= NOTICED
+    ]
 
 
 def effect_answers(
@@ -234,8 +280,10 @@ def measurement_lines(
     return lines
 
 
-def quoted_part(found: Quoted, fit: Fit, beyond: float) -> dict[str, verdict.QuotedValue]:
-    """What to use of each parameter; `fit`: of any of the models, `beyond`: as in `quoted`."""
+def quoted_part(
+    found: Quoted, fit: Fit, beyond: float, models: list[verdict.NamedSet]
+) -> dict[str, verdict.QuotedValue]:
+    """What to use of each parameter; `fit`: of any of the `models`, `beyond`: as in `quoted`."""
     space, p = fit.space, fit.space.p
     rest = fit.x[p:]
 
@@ -248,10 +296,6 @@ def quoted_part(found: Quoted, fit: Fit, beyond: float) -> dict[str, verdict.Quo
         f"{share:.0%}": [outside(found.x + sign * wide * found.std) for sign in (-1.0, 1.0)]
         for share, wide in INTERVALS.items()
     }
-    models = [
-        verdict.NamedSet(names=list(names), probability=share)
-        for names, share in found.models.items()
-    ]
     return {
         name: verdict.QuotedValue(
             value=float(outside(found.x)[k]),

@@ -59,6 +59,12 @@ class NamedSet(StrictDocument):
 
     names: list[str] = Field(description="effects; empty: none, the base model")
     probability: float = Field(description="among all explanations that were tried")
+    values: dict[str, float] = Field(
+        default_factory=dict, description="parameters by name; empty in files of earlier versions"
+    )
+    interval_95: dict[str, tuple[float, float]] = Field(
+        default_factory=dict, description="of the same, cut at the bounds"
+    )
 
 
 class Answer(StrictDocument):
@@ -156,6 +162,16 @@ class HeldOut(StrictDocument):
     )
 
 
+class AskedStrength(StrictDocument):
+    """The strength at which a model would meet one measurement best."""
+
+    parameter: str = Field(description="name of the strength")
+    measurement: str = Field(description="name of the measurement")
+    role: Role = Field(description="of its numbers: fitted or held out")
+    value: float = Field(description="outside units, within the bounds")
+    interval_95: tuple[float, float] = Field(description="cut at the bounds")
+
+
 class FittedModelSummary(StrictDocument):
     """One model, calibrated and judged."""
 
@@ -178,6 +194,11 @@ class FittedModelSummary(StrictDocument):
     groups: list[Group] = Field(description="by measurement")
     window: Window | None = Field(description="where it fails worst; null: no series was measured")
     held_out: HeldOut = Field(description="on held-out data")
+    asked: list[AskedStrength] = Field(
+        default_factory=list,
+        description="what each measurement alone asks for, linear at the fit; without those that "
+        "do not notice the strength. Empty in files of earlier versions",
+    )
 
 
 class WaterfallStep(StrictDocument):

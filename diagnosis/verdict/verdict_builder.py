@@ -34,6 +34,7 @@ from diagnosis.verdict import verdict
 from diagnosis.verdict.fitted_models import (
     effect_answers,
     fitted_to_part,
+    fitted_values,
     judge,
     measurement_lines,
     parameter_words,
@@ -554,15 +555,25 @@ def _answer(found: Diagnosis) -> verdict.Answer:
         effects=effect_answers(
             _data_of(found, final.model), final.model.fit, words, _error_of(found, final)
         ),
-        set_90=[
-            verdict.NamedSet(names=list(names), probability=share)
-            for names, share in found.decision.sets.items()
-        ],
+        set_90=_named(found, found.decision.sets),
         families=list(found.decision.families),
         members=list(found.decision.members),
         not_enough=found.decision.not_enough,
         chance=found.decision.chance,
     )
+
+
+def _named(found: Diagnosis, shares: Mapping[tuple[str, ...], float]) -> list[verdict.NamedSet]:
+    """Explanations with their shares of the probability, and the parameters that each gives."""
+    named, error = [], found.tried_models.error
+    for names, share in shares.items():
+        model = found.tried_models.models[names]
+        own = error if names and model.own is None else None
+        values, ends = fitted_values(_data_of(found, model), model.fit, own)
+        named.append(
+            verdict.NamedSet(names=list(names), probability=share, values=values, interval_95=ends)
+        )
+    return named
 
 
 def _data_of(found: Diagnosis, model: FittedModel) -> Data:
@@ -598,7 +609,7 @@ def _quoted(found: Diagnosis) -> dict[str, verdict.QuotedValue]:
         widened=not explained or decision.final.adequacy.p_combined < found.options.still_failing,
         beyond=beyond,
     )
-    part = quoted_part(mixed, models[()].fit, beyond)
+    part = quoted_part(mixed, models[()].fit, beyond, _named(found, mixed.models))
     if not targets.limits_alone:
         return part
     assumed = _stage_of(found, found.tried_models.way[0]).std_assumed

@@ -16,8 +16,9 @@ FILE_NAME = "result.json"
 
 
 DESCRIPTION = (
-    "Print the tables of a back-analysis, a posterior or a diagnosis that is done, and write its "
-    "report.html and pictures again; with --pdf, print that page. Nothing is simulated."
+    "Print the tables of a back-analysis, a posterior, a joint relation or a diagnosis that is "
+    "done, and write its report.html and pictures again; with --pdf, print that page. Nothing is "
+    "simulated."
 )
 
 
@@ -79,30 +80,14 @@ def _back_analysis(arguments: argparse.Namespace) -> Path:
 
 
 def _other(arguments: argparse.Namespace) -> Path | None:
-    """The page of a posterior or of a diagnosis; None: the folder has neither."""
-    folder = Path(arguments.case)
-    if (folder / "posterior.json").is_file():
-        from inversion.posterior.document import load_posterior
-        from report import posterior
+    """The page of a posterior, a joint relation or a diagnosis; None: the folder has none."""
+    from report.of_folder import answered
 
-        page, write = posterior.PAGE, posterior.write_report
-        print(posterior.summary(load_posterior(folder)))
-    elif (folder / "joint.json").is_file():
-        from report import joint
-
-        page, write = joint.PAGE, joint.write_report
-        print(joint.summary(joint.load_joint(folder)))
-    elif (folder / "verdict.json").is_file():
-        from diagnosis.verdict.verdict import load_verdict
-        from report import diagnosis
-
-        page, write = diagnosis.PAGE, diagnosis.write_report
-        print(diagnosis.summary(load_verdict(folder), folder))
-    else:
+    known = answered(Path(arguments.case))
+    if known is None:
         return None
-    if arguments.report == "none":
-        return folder / page
-    return write(folder)
+    print(known.summary())
+    return known.page if arguments.report == "none" else known.write()
 
 
 def check_case(given: str, result: Result) -> None:

@@ -1,14 +1,12 @@
-"""What a diagnosis has found, as its line in the page's list: the finding, and figures for charts.
+"""What a diagnosis has found, as its line in the page's list: the finding, and its effects.
 
-In: documents of `diagnosis`. Out: as `flowslide.studio.job_answers`, with `misfit`, how far each
-measurement is off before and after, and `effects`, which the page switches on and off.
+In: documents of `diagnosis`. Out: as `flowslide.studio.job_answers`, with `effects`, which the page
+switches on and off. The picture next to them is that of the report.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
 
 from diagnosis.verdict.verdict import (
     CandidateVerdict,
@@ -16,12 +14,11 @@ from diagnosis.verdict.verdict import (
     EffectAnswer,
     ExplainDocument,
     FittedModelSummary,
-    MeasurementVerdict,
     Refit,
     Verdict,
 )
 from flowslide.studio.job_answers import Found, as_found, strength_found
-from report.numbers import fixed, number, with_unit
+from report.numbers import number, with_unit
 from report.sentences.diagnosis import UNEXPLAINED, quoted_value, refuted_sentence
 
 MOST_NEXT, MOST_TRIED = 2, 5
@@ -31,10 +28,9 @@ LEAST_PROMISE = 1.0
 
 
 def comparison(document: CompareDocument) -> Found:
-    """The finding, how far each measurement is off, and the values that fit best."""
+    """The finding, and the values that fit best."""
     return as_found(
         [document.sentence],
-        misfit=misfit(document.measurements),
         effects=_switched(document.base, document.base, is_result=document.alarm != "alarm"),
     )
 
@@ -84,51 +80,7 @@ def verdict(document: Verdict) -> Found:
         lines.append(f"Measure next: {'; '.join(best)}")
     if refuted := refuted_sentence(document):
         lines.append(refuted)
-    return as_found(
-        lines, strengths, misfit=misfit(document.measurements), effects=effects(document)
-    )
-
-
-def misfit(measurements: Sequence[MeasurementVerdict]) -> list[Found]:
-    """How far each measurement is off, before and after effects were added, in standard deviations.
-
-    Predicted minus measured. A single number has an error bar of one standard deviation, a series
-    its mean and its least and largest value.
-    """
-    groups: dict[tuple[str, str], list[MeasurementVerdict]] = {}
-    for one in measurements:
-        if one.role != "constructed":
-            groups.setdefault((one.measurement, one.role), []).append(one)
-    rows = []
-    for (name, role), lines in groups.items():
-        before = _bar([one.residual_base for one in lines])
-        after = _bar([one.residual_final for one in lines])
-        when = ("before", "after") if after else ("", "")
-        told = [_off(bar, word) for bar, word in zip((before, after), when, strict=True) if bar]
-        words = ", ".join(told) or "not read"
-        if len(lines) > 1:
-            words = f"{len(lines)} numbers, {words} (root mean square)"
-        row = {"name": name, "role": role, "before": before, "after": after, "words": words}
-        rows.append(row)
-    return rows
-
-
-def _bar(residuals: Sequence[float | None]) -> Found | None:
-    """Mark and ends of a bar [std], and the root mean square; None: there is nothing to show."""
-    off = np.array([-one for one in residuals if one is not None])
-    if not len(off) or len(off) < len(residuals):
-        return None
-    reach = (-1.0, 1.0) if len(off) == 1 else (off.min() - off.mean(), off.max() - off.mean())
-    at = float(off.mean())
-    size = float(np.sqrt(np.mean(off**2)))
-    return {"at": at, "low": at + reach[0], "high": at + reach[1], "size": size, "n": len(off)}
-
-
-def _off(bar: Found, when: str) -> str:
-    if bar["n"] > 1:
-        return f"{fixed(bar['size'])} std off {when}".rstrip()
-    way = "large" if bar["at"] > 0 else "small"
-    return f"{fixed(abs(bar['at']))} std too {way} {when}".rstrip()
+    return as_found(lines, strengths, effects=effects(document))
 
 
 def effects(document: Verdict) -> Found:

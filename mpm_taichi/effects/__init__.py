@@ -34,6 +34,7 @@ from mpm_taichi.effects.framework.registry import (
     kernel_effects,
     key_of_effects,
     load_effects_file,
+    relative_width,
     user_effects,
 )
 
@@ -69,6 +70,7 @@ __all__ = [
     "liquefied_zones",
     "load_effects_file",
     "needs_liquefied_soil",
+    "relative_width",
     "ti",
     "user_effects",
 ]

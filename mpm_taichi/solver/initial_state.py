@@ -18,7 +18,8 @@ from shapely.ops import unary_union
 
 from geometry.scenes.fill import MaterialPoints, fill
 from geometry.scenes.overburden import vertical_effective_stress
-from mpm_taichi.effects import Active, acting_scene, effects_on
+from mpm_taichi.effects import Active, acting_scene, effects_on, relative_width
+from mpm_taichi.layout import AREA, PER_COVER
 from mpm_taichi.materials.elasticity import elastic_constants
 from mpm_taichi.materials.law import CONSTANTS, MaterialLaw
 from mpm_taichi.materials.mohr_coulomb import MOHR_COULOMB, NO_CAP
@@ -70,8 +71,9 @@ class PreparedScene:
     # (R, 5) float32: liquefied (1 or 0), tan(phi), c [Pa], tension cap set [Pa], strength ratio
     soil: np.ndarray
     soils: tuple[Material, ...]  # R materials of the rows
-    volume: np.ndarray  # (P,) float64 [m2]
-    mass: np.ndarray  # (P,) float64 [kg/m]
+    width: np.ndarray  # (P,) float64, of the slide where the point is at t = 0: `relative_width`
+    volume: np.ndarray  # (P,) float64 [m2 x width]
+    mass: np.ndarray  # (P,) float64 [kg/m x width]
     wave_speed: float  # m/s
     frame_time: float  # s
     face: MovingFace | None  # where the head moves with the soil
@@ -99,7 +101,9 @@ class PreparedScene:
             cell=cell,
             shape=(shape[0] + left + right, shape[1]),
         )
-        self.kind, self.surroundings = nodes_of(self.scene, self.settings, self.points, self.grid)
+        self.kind, self.surroundings = nodes_of(
+            self.scene, self.settings, self.points, self.grid, self.effects
+        )
         return self
 
 
@@ -111,7 +115,7 @@ def prepare(
     scene = acting_scene(scene, active)
     points = fill(scene)
     grid = make_grid(scene)
-    kind, surroundings = nodes_of(scene, settings, points, grid)
+    kind, surroundings = nodes_of(scene, settings, points, grid, active)
     fixed = points.kinematic
     row, rows, densities = material_rows(scene, points)
     mass = np.asarray(densities)[row] * points.volume
@@ -125,6 +129,7 @@ def prepare(
         lateral = np.array([settings.k0 or _k0(material) for material in rows])[row]
         at_rest = k0_stress(scene, points, mass, lateral, settings.gravity_m_per_s2)
         stress[:] = np.where(resting[order, None], at_rest[order], 0.0)
+    width = relative_width(active, scene, points.position[order])
     moduli = [
         m.youngs_modulus_pa
         * (1 - m.poisson_ratio)
@@ -153,8 +158,9 @@ def prepare(
         variables=_variables(rows, law),
         soil=np.array([_soil(material) for material in rows], np.float32),
         soils=tuple(rows),
-        volume=points.volume[order],
-        mass=mass[order],
+        width=width,
+        volume=points.volume[order] * width,
+        mass=mass[order] * width,
         wave_speed=float(np.sqrt(np.max(np.asarray(moduli) / np.asarray(densities)))),
         frame_time=settings.frame_interval
         * float(np.sqrt(scene.spacing / settings.gravity_m_per_s2)),
@@ -163,9 +169,16 @@ def prepare(
 
 
 def nodes_of(
-    scene: Scene, settings: SimulationSettings, points: MaterialPoints, grid: Grid
+    scene: Scene,
+    settings: SimulationSettings,
+    points: MaterialPoints,
+    grid: Grid,
+    active: Sequence[Active],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Types (nodes,) int32 and surroundings (nodes, 8) of a grid, fixed bodies included."""
+    """Types (nodes,) int32 and surroundings (nodes, 8) of a grid, fixed bodies included.
+
+    Where effects have the slide wider, the ground has more area, and full contact more volume.
+    """
     kind, surroundings = node_tables(
         scene,
         grid,
@@ -175,6 +188,9 @@ def nodes_of(
         gravity=settings.gravity_m_per_s2,
     )
     fixed = points.kinematic
+    width = relative_width(active, scene, np.stack(grid.coordinates(), axis=-1).reshape(-1, 2))
+    surroundings[:, AREA] *= width
+    surroundings[:, PER_COVER] /= width
     held = fixed_by_bodies(grid, points.position[~fixed], points.position[fixed], kind)
     kept = kind & (EDGES | LOWEST)
     return np.where(held, STICK | kept, kind).astype(np.int32), surroundings

@@ -42,7 +42,7 @@ def build_kernels(
         `run_scenes` of the scene schedule; `point`, the kernels of the point schedule; `table`, the
         columns of the effects (`effects.table.EffectTable`), None without any; `law`.
     """
-    acting = effect_functions(effects, law) if effects else None
+    acting = effect_functions(effects, law, averaged=averaged) if effects else None
     options = {"affine": affine, "averaged": averaged, "corrected": corrected, "effects": acting}
     point = point_functions(law, **options)
     tile = tile_functions(law, point, **options)

@@ -117,6 +117,9 @@ def point_schedule(
         cell = numbers[slot, CELL]
         per_cell, gravity = 1.0 / cell, numbers[slot, GRAVITY]
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
+        on = 0
+        if ti.static(acted):
+            on = integers[slot, EFFECTS_ON]
         return ti.static(
             StepNumbers(
                 slot=slot,
@@ -126,6 +129,7 @@ def point_schedule(
                 per_cell=per_cell,
                 dt=dt,
                 gravity=gravity,
+                on=on,
             )
         )
 
@@ -140,6 +144,9 @@ def point_schedule(
             if integers[slot, PHASE] == SETTLING and p < integers[slot, LAST_SETTLED]:
                 step = ti.static(relaxation_of(slot, state.slots))
                 settle_gather(p, step, state, True)
+                if ti.static(acted):
+                    if step.on & ti.static(effects.width_mask):
+                        effects.settle_wider(p, step, state, True)
         for n in range(slots * nodes):
             slot = n // nodes
             if integers[slot, PHASE] == SETTLING and n < integers[slot, LAST_NODE]:
@@ -149,6 +156,9 @@ def point_schedule(
             if integers[slot, PHASE] == SETTLING and p < integers[slot, LAST_SETTLED]:
                 step = ti.static(relaxation_of(slot, state.slots))
                 settle_scatter(p, step, state, True)
+                if ti.static(acted):
+                    if step.on & ti.static(effects.width_mask):
+                        effects.push_outward(p, step, state, True)
         for n in range(slots * nodes):
             slot = n // nodes
             if integers[slot, PHASE] == SETTLING and n < integers[slot, LAST_NODE]:
@@ -217,11 +227,15 @@ def point_schedule(
                 if ti.static(acted):
                     if now.on & ti.static(effects.strength_mask):
                         effects.renew_strength(p, now, state)
+                    if now.on & ti.static(effects.width_mask):
+                        effects.strain_across(p, now, state)
                 strain_point(p, now, state)
                 scatter_point(p, now, state, True)
                 if ti.static(acted):
                     if now.on & ti.static(effects.resistance_mask):
                         effects.resist(p, now, state, True)
+                    if now.on & ti.static(effects.width_mask):
+                        effects.push_outward(p, now, state, True)
         for n in range(slots * nodes):
             slot = n // nodes
             if turn < integers[slot, SUBSTEPS] and n < integers[slot, LAST_NODE]:
@@ -241,6 +255,9 @@ def point_schedule(
                 alarm = gather_and_move(p, now, state, True)
                 if alarm != 0:
                     integers[slot, ALARM] = frame + 1
+                if ti.static(acted):
+                    if now.on & ti.static(effects.width_mask):
+                        effects.widen(p, now, state, True)
         for n in range(slots * nodes):
             slot = n // nodes
             if turn < integers[slot, SUBSTEPS] and n < integers[slot, LAST_NODE]:

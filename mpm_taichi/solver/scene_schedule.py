@@ -102,6 +102,9 @@ def scene_schedule(
         cell = numbers[slot, CELL]
         per_cell, gravity = 1.0 / cell, numbers[slot, GRAVITY]
         dt = SETTLE_COURANT * cell / numbers[slot, WAVE_SPEED]
+        on = 0
+        if ti.static(acted):
+            on = integers[slot, EFFECTS_ON]
         relaxation = ti.static(
             StepNumbers(
                 slot=slot,
@@ -111,6 +114,7 @@ def scene_schedule(
                 per_cell=per_cell,
                 dt=dt,
                 gravity=gravity,
+                on=on,
             )
         )
         step = 0
@@ -118,10 +122,18 @@ def scene_schedule(
         while step < SETTLE_LIMIT and ratio > SETTLE_TOLERANCE and last > first:
             for p in range(first, last):
                 settle_gather(p, relaxation, state, False)
+            if ti.static(acted):
+                if on & ti.static(effects.width_mask):
+                    for p in range(first, last):
+                        effects.settle_wider(p, relaxation, state, False)
             for n in range(first_node, last_node):
                 average_cell(n, nodes.cell_mean)
             for p in range(first, last):
                 settle_scatter(p, relaxation, state, False)
+            if ti.static(acted):
+                if on & ti.static(effects.width_mask):
+                    for p in range(first, last):
+                        effects.push_outward(p, relaxation, state, False)
             unbalanced = ti.cast(0.0, ti.f64)
             weight = ti.cast(0.0, ti.f64)
             for n in range(first_node, last_node):
@@ -237,6 +249,9 @@ def scene_schedule(
                             if on & ti.static(effects.strength_mask):
                                 for p in range(first, last):
                                     effects.renew_strength(p, step, state)
+                            if on & ti.static(effects.width_mask):
+                                for p in range(first, last):
+                                    effects.strain_across(p, step, state)
                         for tile in range(tiles):
                             strain_tile(first + tile * TILE, last, step, state, scratch)
                         for tile in range(tiles):
@@ -245,6 +260,9 @@ def scene_schedule(
                             if on & ti.static(effects.resistance_mask):
                                 for p in range(first, last):
                                     effects.resist(p, step, state, False)
+                            if on & ti.static(effects.width_mask):
+                                for p in range(first, last):
+                                    effects.push_outward(p, step, state, False)
                         for n in range(first_node, last_node):
                             work = update_node(n, step, nodes, state.slots)
                             contact_loss += ti.cast(work[0], ti.f64)
@@ -253,6 +271,10 @@ def scene_schedule(
                                 effect_work += ti.cast(work[2], ti.f64)
                         for tile in range(tiles):
                             alarm |= gather_tile(first + tile * TILE, last, step, state, scratch)
+                        if ti.static(acted):
+                            if on & ti.static(effects.width_mask):
+                                for p in range(first, last):
+                                    effects.widen(p, step, state, False)
                         for n in range(first_node, last_node):
                             average_cell(n, nodes.cell_mean)
                         for n in range(first_node, last_node):

@@ -174,6 +174,14 @@ def mass_weights(motion, kind):
 
 
 @ti.func
+def velocity_weights(motion, kind):
+    """Weights along x and y by which a point has its velocity from its nodes, each (3,)."""
+    weight_x = edge_weights(motion[OFFSET_X], kind & LEFT_EDGE, kind & RIGHT_EDGE)
+    weight_y = edge_weights(motion[OFFSET_Y], kind & BASE_EDGE, 0)
+    return weight_x, weight_y
+
+
+@ti.func
 def scatter_volume(
     load: A, home, columns, weight_x, weight_y, volume, friction, adhesion, atomic: A
 ):
@@ -220,8 +228,7 @@ def gather(velocity: A, home, columns, kind, motion, cell):
 @ti.func
 def gather_at_edge(velocity: A, home, columns, kind, motion, cell):
     """`gather` of a point next to level ground or a wall."""
-    weight_x = edge_weights(motion[OFFSET_X], kind & LEFT_EDGE, kind & RIGHT_EDGE)
-    weight_y = edge_weights(motion[OFFSET_Y], kind & BASE_EDGE, 0)
+    weight_x, weight_y = velocity_weights(motion, kind)
     slope_x = edge_slopes(motion[OFFSET_X], kind & LEFT_EDGE, kind & RIGHT_EDGE)
     slope_y = edge_slopes(motion[OFFSET_Y], kind & BASE_EDGE, 0)
     mean = vec4(0.0, 0.0, 0.0, 0.0)

@@ -15,7 +15,16 @@ from report.data.diagnosis import DiagnosisData
 from report.sentences.diagnosis import NOT_SEPARABLE, WEAKLY, shortened
 
 LEFT, RIGHT, ABOVE, FOOT = 1.45, 1.15, 0.8, 0.35
+#: Effects whose names have room.
+MOST = 20
 DARK, MIDDLE, LIGHT = "#003a5d", style.OURS, "#d9e6f0"
+
+
+def most_alike(cosine: np.ndarray) -> list[int]:
+    """Effects that have room, in their order: first those that look like another, (k, k) -> n."""
+    alike = [place for place, row in enumerate(cosine) if np.sum(row >= WEAKLY) > 1]
+    rest = [place for place in range(len(cosine)) if place not in alike]
+    return sorted([*alike, *rest][:MOST])
 
 
 def order(cosine: np.ndarray) -> list[int]:
@@ -35,7 +44,8 @@ def draw_confounding(data: DiagnosisData, path: Path) -> Path | None:
     if found is None:
         return None
     cosine = np.abs(np.array(found.cosine))
-    places = order(cosine)
+    kept = np.array(most_alike(cosine))
+    places = kept[order(cosine[np.ix_(kept, kept)])]
     cosine, names = cosine[np.ix_(places, places)], [shortened(found.names[p], 20) for p in places]
     count = len(names)
     cell = min(0.42, (style.WIDTH - LEFT - RIGHT) / (count - 1))

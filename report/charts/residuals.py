@@ -1,8 +1,7 @@
-"""Where a model fails: standardised residuals number by number, and by measurement.
+"""Where a model fails along its series: standardised residuals number by number.
 
-In: a `DiagnosisData`. Out: three charts. The first has a panel for each series with its residuals
-(measured minus modelled) in total standard deviations, the worst stretch of the base model in
-yellow; the second a row for each single number; the third a bar for each measurement.
+In: a `DiagnosisData`. Out: a chart with a panel for each series with its residuals (measured minus
+modelled) in total standard deviations, the worst stretch of the base model in yellow.
 """
 
 from __future__ import annotations
@@ -14,16 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from diagnosis.verdict.verdict import Group, MeasurementVerdict, Window
+from diagnosis.verdict.verdict import Window
 from report import style
 from report.charts.profile import mark_of
 from report.data.diagnosis import DiagnosisData, MeasurementSeries
-from report.numbers import chance, number
+from report.numbers import chance
 
 ABOVE, LEFT, FOOT = 0.3, 0.6, 0.3
-HEIGHT, ROW = 1.55, 0.36
-LONG_LEFT = 1.4
-"""Room for the names of rows [inches]."""
+HEIGHT = 1.55
 
 
 def draw_residuals(data: DiagnosisData, path: Path) -> Path | None:
@@ -38,7 +35,7 @@ def draw_residuals(data: DiagnosisData, path: Path) -> Path | None:
     figure, panels = style.chart([HEIGHT] * len(shown), above=ABOVE, left=LEFT, foot=FOOT)
     for ax, series in zip(panels, shown, strict=True):
         _draw_series(ax, data, series)
-    style.legend(figure, _handles(data, window=True), columns=4)
+    style.legend(figure, _handles(data), columns=4)
     return style.save_figure(figure, path)
 
 
@@ -113,95 +110,19 @@ def _shade_window(ax: Axes, data: DiagnosisData, series: MeasurementSeries) -> N
     )
 
 
-def draw_singles(data: DiagnosisData, path: Path) -> Path | None:
-    """Save single numbers before and after, a row each; None where there are none."""
-    shown = [m for m in data.singles if m.residual_base is not None]
-    if not shown:
-        return None
-    figure, (ax,) = style.chart([ROW * len(shown)], left=LONG_LEFT, foot=FOOT)
-    style.quiet(ax, grid="x", left=False)
-    style.rows(ax, [_named(m) for m in shown], width=20)
-    ax.axvspan(-2, 2, color=style.LINE, alpha=0.55, linewidth=0, zorder=0)
-    ax.axvline(0, color=style.TEXT_COLOUR, linewidth=0.9, zorder=1)
-    reach = 3.0
-    for place, line in enumerate(shown):
-        mark, _ = mark_of(line)
-        known = [line.residual_base]
-        if data.final is not None and line.residual_final is not None:
-            known.append(line.residual_final)
-            ax.annotate(
-                "",
-                (line.residual_final, place),
-                (line.residual_base, place),
-                zorder=2,
-                arrowprops={"arrowstyle": "-", "color": "#aab4bc", "lw": 1.4},
-            )
-        for value, colour in zip(known, (style.BEFORE, style.AFTER), strict=False):
-            colour = style.GREY if mark == "x" else colour
-            edge = {} if mark == "x" else {"markeredgecolor": "white"}
-            ax.plot([value], [place], marker=mark, color=colour, markersize=8, zorder=3, **edge)
-        reach = max(reach, *map(abs, known))
-    ax.set_xlim(-1.12 * reach, 1.12 * reach)
-    style.labels(ax, "residual in std (shaded: within 2)")
-    style.legend(figure, _handles(data, window=False), columns=3)
-    return style.save_figure(figure, path)
+def _handles(data: DiagnosisData) -> list[Line2D | Patch]:
+    def one(colour: str, label: str, mark: str = "o", **more: str) -> Line2D:
+        marked = {"marker": mark, "color": colour, "linestyle": "none", "markersize": 6}
+        return Line2D([], [], label=label, **{**marked, **more})
 
-
-def _named(line: MeasurementVerdict) -> str:
-    return line.name if line.role == "fitted" else f"{line.name} ({line.role})"
-
-
-def draw_groups(data: DiagnosisData, path: Path) -> Path | None:
-    """Save a bar for each measurement as a whole; None where the document has no groups."""
-    before = data.base.groups
-    if not before:
-        return None
-    after = {} if data.final is None else {g.name: g for g in data.final.groups}
-    row = 0.5 if after else ROW
-    figure, (ax,) = style.chart([row * len(before)], left=LONG_LEFT, foot=FOOT)
-    style.quiet(ax, grid="x", left=False)
-    style.rows(ax, [f"{g.name} ({g.n})" for g in before], width=20)
-    reach = max(3.0, *(abs(g.z) for g in [*before, *after.values()]))
-    least = min(-1.0, *(g.z for g in [*before, *after.values()]))
-    ax.set_xlim(1.1 * least - 0.08 * reach, 1.22 * reach)
-    ax.axvspan(ax.get_xlim()[0], 2, color=style.LINE, alpha=0.55, linewidth=0, zorder=0)
-    ax.axvline(0, color=style.TEXT_COLOUR, linewidth=0.9, zorder=4)
-    for place, group in enumerate(before):
-        pair: list[tuple[Group, str, float]] = [(group, style.BEFORE, -0.2 if after else 0.0)]
-        if group.name in after:
-            pair.append((after[group.name], style.AFTER, 0.2))
-        for one, colour, shift in pair:
-            ax.barh(place + shift, one.z, height=0.36, color=colour, linewidth=0, zorder=3)
-            style.tell(ax, max(one.z, 0), place + shift, number(one.z, 2), away=(4, 0))
-    style.labels(ax, "excess of squares, in std (shaded: noise)")
-    style.legend(figure, _handles(data, window=False, bars=True), columns=3)
-    return style.save_figure(figure, path)
-
-
-def _handles(data: DiagnosisData, *, window: bool, bars: bool = False) -> list[Line2D | Patch]:
-    def one(colour: str, label: str, mark: str = "o") -> Line2D | Patch:
-        if bars:
-            return Patch(facecolor=colour, label=label)
-        return Line2D(
-            [], [], marker=mark, color=colour, linestyle="none", markersize=6, label=label
-        )
-
-    made = [one(style.BEFORE, "base model" if data.final is None else "before")]
+    made: list[Line2D | Patch] = [
+        one(style.BEFORE, "base model" if data.final is None else "before")
+    ]
     if data.final is not None:
         made.append(one(style.AFTER, "after"))
-    if not bars and any(m.role == "held out" for m in data.measurements):
-        made.append(
-            Line2D(
-                [],
-                [],
-                marker="D",
-                color="white",
-                markeredgecolor=style.TEXT_COLOUR,
-                linestyle="none",
-                markersize=6,
-                label="diamond: held out",
-            )
-        )
-    if window and data.base.window is not None and data.base.window.x_from is not None:
+    if any(m.role == "held out" for m in data.measurements):
+        edge = {"markeredgecolor": style.TEXT_COLOUR}
+        made.append(one("white", "diamond: held out", "D", **edge))
+    if data.base.window is not None and data.base.window.x_from is not None:
         made.append(Patch(facecolor=style.WINDOW, alpha=0.6, label="worst"))
     return made

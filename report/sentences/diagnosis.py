@@ -27,6 +27,7 @@ from diagnosis.verdict.verdict import (
 )
 from pipeline.ties import largest, ranked, smallest
 from report.data.diagnosis import DiagnosisData
+from report.data.overview import record_span
 from report.numbers import (
     MINUS,
     at_least,
@@ -178,7 +179,7 @@ def answer_sentences(data: DiagnosisData) -> list[str]:
     rivals = data.verdict.answer.set_90
     if len(rivals) > 1 and not unknown:
         listed = "; ".join(f"{explanation(r.names)} ({percent(r.probability)})" for r in rivals)
-        said.append(f"Explanations that together have 90 % of the probability: {listed}.")
+        said.append(f"Together 90 % of the probability among those tried: {listed}.")
     elif rivals and rivals[0].names and not unknown:
         said.append(
             f"It has {percent(rivals[0].probability)} of the probability {AMONG}; no alternative "
@@ -203,11 +204,11 @@ def worth_sentence(data: DiagnosisData) -> str:
     quoted = {} if data.verdict is None else data.verdict.quoted
     strengths = [p for p in data.parameters if p.strength and p.name in quoted]
     found = worth_of(data.verdict.verdict) if strengths else None
-    if found is None or any(quoted[p.name].at_least is not None for p in strengths):
+    ends = [record_span(data.verdict, p.name) for p in strengths]
+    if found is None or None in ends:
         return ""
     spans = []
-    for p in strengths:
-        low, high = found.span(math.sqrt(math.prod(quoted[p.name].intervals["95%"])))
+    for p, (low, high) in zip(strengths, ends, strict=True):
         of = f" of {spoken(p.name)}" if len(strengths) > 1 else ""
         spans.append(f"{number(low)} to {with_unit(high, p.unit)}{of}")
     return (

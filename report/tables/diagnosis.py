@@ -253,25 +253,13 @@ def answers_table(data: DiagnosisData) -> Table:
     """The explanations that share 90 % of the probability, each with its parameters."""
     rows = []
     for one in [] if data.verdict is None else data.verdict.answer.set_90:
-        values = _values_with(data, one.names)
+        values = one.values
         cells = [
             with_unit(values[p.name], p.unit) if p.name in values else None for p in data.parameters
         ]
         rows.append([explanation(one.names), percent(one.probability), *cells])
     header = ["explanation", "probability", *(p.words for p in data.parameters)]
     return Table(header, rows, "Together 90 % of the probability")
-
-
-def _values_with(data: DiagnosisData, names: Sequence[str]) -> dict[str, float]:
-    """Parameters calibrated with these effects; empty where the document does not have them."""
-    if not names:
-        return data.base.values
-    if data.final is not None and set(data.final.effects) == set(names):
-        return data.final.values
-    for c in data.candidates:
-        if c.refit is not None and set(c.refit.effects) == set(names):
-            return c.refit.values
-    return {}
 
 
 def hidden_table(data: DiagnosisData) -> Table:
@@ -323,21 +311,6 @@ def measurements_table(lines: Sequence[MeasurementVerdict]) -> Table:
         "residual after (std)",
     ]
     return Table(header, rows)
-
-
-def singles_table(data: DiagnosisData) -> Table:
-    """Single numbers: measured, before, after."""
-    rows = [
-        [
-            m.name,
-            m.role,
-            "< " * m.censored + plus_minus(m.measured, m.std_total, m.unit),
-            fixed(m.predicted_base, 2),
-            None if data.final is None else fixed(m.predicted_final, 2),
-        ]
-        for m in data.singles
-    ]
-    return Table(["measurement", "role", "measured ± std", "base model", "after"], rows)
 
 
 def steps_table(

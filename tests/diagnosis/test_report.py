@@ -16,11 +16,11 @@ from diagnosis.verdict.verdict import SOLVER_ERRORS, ValidationCase, Verdict, sa
 from flowslide.studio import diagnosis_answers
 from inversion.back_analysis.result import FittedTo
 from pipeline.cli import InputError
-from report.charts.confounding import order
+from report.charts.confounding import MOST, most_alike, order
 from report.charts.effects import ranked
 from report.charts.fingerprints import blocks, fingerprints
+from report.charts.hidden import hidden_bars
 from report.charts.profile import heading
-from report.charts.strength import hidden_bars
 from report.charts.strength_curve import plain_knots
 from report.data.diagnosis import DiagnosisData, load_diagnosis
 from report.diagnosis import (
@@ -53,7 +53,7 @@ from report.sentences.diagnosis import (
     worth_sentence,
 )
 from report.table import plain
-from report.tables.diagnosis import outcomes_table
+from report.tables.diagnosis import key_numbers, outcomes_table
 from tests.diagnosis.verdict_case import (
     NASTY,
     adequate,
@@ -67,9 +67,8 @@ from tests.diagnosis.verdict_case import (
 )
 from tests.pipeline.test_page import Outline
 
-ALWAYS = {"confounding.svg", "effects.svg", "fingerprints.svg", "groups.svg", "hidden.svg",
-          "histories.svg", "profile.svg", "residuals.svg", "singles.svg",
-          "strength.svg"}  # fmt: skip
+ALWAYS = {"confounding.svg", "effects.svg", "fingerprints.svg", "hidden.svg", "histories.svg",
+          "overview.svg", "profile.svg", "residuals.svg"}  # fmt: skip
 
 
 def checked(path: Path) -> str:
@@ -157,13 +156,14 @@ def test_an_ambiguous_verdict_names_no_single_effect(tmp_path):
     assert "most probable pore pressure" in read
     assert re.search(r"pore pressure 56 % 21\.9 kPa overburden strength 39 % 22\.2 kPa", read)
     assert "displacement of a point at x 62 m" in read
+    assert "How this could be refuted" in read and "it would read" in read
 
 
 def test_a_poor_verdict_gives_a_page_without_empty_parts(tmp_path):
     text = page_of(least(), tmp_path)
     made = ["In short", "The strength", "Reviewer&#x27;s checklist", "How this was made"]
     assert headings(text) == made
-    assert pictures(tmp_path) == {"strength.svg"}
+    assert pictures(tmp_path) == {"overview.svg"}
 
 
 @pytest.mark.slow
@@ -289,11 +289,11 @@ def test_the_fall_is_reported_on_both_kinds_of_data():
     assert fall_sentence(data_of(adequate())) == ""
 
 
-def test_a_second_section_judges_the_answer(tmp_path):
+def test_a_second_section_judges_the_answer():
     check = ValidationCase(case="second_dam", n=12, chi2_base=108.0, chi2_final=12.0)
-    read = told(page_of(identified().model_copy(update={"validation_case": check}), tmp_path))
-    assert "misfit, second dam 3.0 → 1.0 " in read
-    assert "On second dam, which was not fitted (12 numbers" in read
+    data = data_of(identified().model_copy(update={"validation_case": check}))
+    assert "misfit, second dam 3.0 → 1.0 " in told(key_numbers(data).html())
+    assert "On second dam, which was not fitted (12 numbers" in validation_sentence(data)
     assert validation_sentence(data_of(identified())) == ""
 
 
@@ -332,7 +332,7 @@ def test_rivals_are_reported():
     assert confounded(data_of(ambiguous()), 0.95)[0][:2] == ("overburden_strength", "pore_pressure")
 
 
-def test_how_an_answer_could_be_refuted_is_reported(tmp_path):
+def test_how_an_answer_could_be_refuted_is_reported():
     said = refuted_sentence(ambiguous())
     assert "With pore pressure it would read dx 21.04 ± 0.62 m, dy −3.20 ± 0.31 m." in said
     assert "more than two of these standard deviations away is against it" in said
@@ -341,8 +341,6 @@ def test_how_an_answer_could_be_refuted_is_reported(tmp_path):
     assert [row[0] for row in rows] == ["marker at x 62 m, y 4 m", ""], "named once"
     assert said in diagnosis_answers.verdict(ambiguous())["answer"], "the studio says so, too"
     assert refuted_sentence(unknown()) == "", "nothing is proposed"
-    read = told(page_of(ambiguous(), tmp_path))
-    assert "How this could be refuted" in read and "it would read" in read
 
 
 def test_what_promises_most_is_reported():
@@ -410,6 +408,15 @@ def test_like_stands_next_to_like():
     assert sorted(names) == sorted(found.names)
 
 
+def test_effects_that_look_like_another_are_shown_where_there_is_no_room_for_all():
+    cosine = np.eye(50)
+    for one, other in ((3, 49), (10, 45)):
+        cosine[one, other] = cosine[other, one] = 0.9
+    kept = most_alike(cosine)
+    assert kept == sorted(kept) and len(kept) == MOST and {3, 49, 10, 45} < set(kept)
+    assert most_alike(np.eye(4)) == [0, 1, 2, 3]
+
+
 def test_the_largest_hidden_shift_comes_first():
     bars = hidden_bars(data_of(identified()), "residual_strength_1")
     sizes = [abs(change) for _, change in bars]
@@ -421,10 +428,11 @@ def test_the_knots_of_a_logarithm_are_drawn_as_what_it_is_of():
     assert knots == pytest.approx([0.01, 0.0562, 0.316, 1.778, 10.0], rel=1e-3) and unit == "1/s"
 
 
-def test_a_misfit_without_degrees_of_freedom_is_no_root_mean_square(tmp_path):
+def test_a_misfit_without_degrees_of_freedom_is_no_root_mean_square():
     verdict = identified()
     stage = verdict.base.model_copy(update={"dof": 0})
-    read = told(page_of(verdict.model_copy(update={"base": stage}), tmp_path))
+    data = data_of(verdict.model_copy(update={"base": stage}))
+    read = f"{told(key_numbers(data).html())} {fall_sentence(data)}"
     assert "misfit, fitted data chi² 99.7 → chi² 35.6 degrees of freedom: 0, 27" in read
     assert "as many parameters as data" in read and "nan" not in read
 

@@ -30,6 +30,7 @@ from diagnosis.selection.tried_models import (
 )
 from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_builder import verdict_document
+from inversion.estimation.hold_out import HoldOut
 from inversion.estimation.surface_search import Fit
 from inversion.estimation.unknowns import Scale, UnknownAmplitude
 from tests.diagnosis import straight as straight_model
@@ -104,6 +105,49 @@ def test_rivals_that_are_near_have_derivatives_of_their_own():
     tried = found.tried_models.models
     assert tried[("bend",)].sloped and tried[("like_bend",)].sloped
     assert not tried[("step",)].sloped, "far from the best, its own derivative would be wasted"
+
+
+def test_a_measurement_alone_asks_for_the_strength_that_least_squares_gives():
+    """Of its own numbers, their errors and the prior of the angle."""
+    held = HoldOut(groups=("history",))
+    found = diagnose(
+        straight(2, {"bend": 1.5}), Options(draws=200, replicates=3, seed=2, hold_out=held)
+    )
+    verdict = verdict_document(found, case="c", title="t")
+    base, targets = found.comparison.base, found.model.targets
+    fit, mean = base.fit, 32.0 / 4.0
+    names = np.array([targets.entries[group].name for group in targets.groups])
+    uses = {"fitted": base.split.fitted, "held out": base.split.held_out}
+    assert {one.measurement for one in verdict.base.asked} == {"toe", "profile", "history"}
+    assert {one.role for one in verdict.base.asked} == set(uses)
+    for one in verdict.base.asked:
+        own = (names == one.measurement) & uses[one.role]
+        strength, angle = fit.derivative[own, :2].T
+        off = (base.data.measured - fit.prediction)[own] - angle * (mean - fit.x[1])
+        weight = np.linalg.inv(base.data.covariance[np.ix_(own, own)] + np.outer(angle, angle))
+        known = strength @ weight @ strength
+        ends = fit.x[0] + strength @ weight @ off / known + np.array([0, -1.96, 1.96]) / known**0.5
+        scale = found.model.parameters.prior_std[0]
+        expected = np.clip(np.exp(ends * scale), 2.0, 200.0)
+        assert [one.value, *one.interval_95] == pytest.approx(expected.tolist(), rel=1e-6)
+    assert {one.measurement for one in verdict.final.asked} == {"toe", "profile", "history"}
+    assert verdict.final.asked != verdict.base.asked
+
+
+def test_every_explanation_has_its_strength():
+    found = diagnose(straight(2, {"bend": 1.5}), Options(draws=200, replicates=3, seed=2))
+    verdict = verdict_document(found, case="c", title="t")
+    (first, *others) = verdict.answer.set_90
+    assert others and (first.values, first.interval_95) == (
+        verdict.final.values,
+        verdict.final.interval_95,
+    )
+    for one in verdict.answer.set_90:
+        fit = found.tried_models.models[tuple(one.names)].fit
+        assert one.values["S_r"] == pytest.approx(float(fit.space.values(fit.x)[0]))
+        low, high = one.interval_95["S_r"]
+        assert low < one.values["S_r"] < high
+    assert verdict.quoted["S_r"].models[0].values == verdict.answer.set_90[0].values
 
 
 @pytest.mark.slow

@@ -227,7 +227,31 @@ class Case:
                 "p": min(1.0, 23 * float(chi2_law.sf(square, 5)))},
             "held_out": {"chi2": made["held_out"], "n": held,
                          "p": float(chi2_law.sf(made["held_out"], held))},
+            "asked": self.asked(made),
         }  # fmt: skip
+
+    def asked(self, made: dict[str, Any]) -> list[dict[str, Any]]:
+        """`verdict.AskedStrength` of every measurement that a halved strength moves enough."""
+        found = []
+        for key in dict.fromkeys((of, role) for _, of, *_, role in self.names):
+            own = np.array([(of, role) == key for _, of, *_, role in self.names])
+            slope, residual = (self.slope / self.std)[own], made["residual"][own]
+            square = float(slope @ slope)
+            if key[1] == "constructed" or np.sqrt(square) * np.log(2.0) < 1.0:
+                continue
+            log = np.log(made["values"][STRENGTH]) + float(slope @ residual) / square
+            ends = np.clip(np.exp(log + np.array([0.0, -1.96, 1.96]) / np.sqrt(square)), 5, 90)
+            value, low, high = map(float, ends)
+            found.append({"parameter": STRENGTH, "measurement": key[0], "role": key[1],
+                          "value": value, "interval_95": (low, high)})  # fmt: skip
+        return found
+
+    def named(self, effects: list[str], probability: float) -> dict[str, Any]:
+        """`verdict.NamedSet`."""
+        made = self.fit(effects)
+        value, std = made["values"][STRENGTH], made["std"][STRENGTH]
+        return {"names": effects, "probability": probability, "values": made["values"],
+                "interval_95": {STRENGTH: (value - 1.96 * std, value + 1.96 * std)}}  # fmt: skip
 
     def quoted(self, effects: list[str]) -> dict[str, Any]:
         """`verdict.QuotedValue` of one model."""
@@ -239,7 +263,7 @@ class Case:
                     share: (value - k * made["std"][name], value + k * made["std"][name])
                     for share, k in wide.items()
                 },
-                "models": [{"names": effects, "probability": 1.0}],
+                "models": [self.named(effects, 1.0)],
             }
             for name, value in made["values"].items()
         }  # fmt: skip
@@ -366,7 +390,7 @@ def document(
     return {
         "case": "no_such_case", "title": title, "sentence": sentence, "verdict": kind,
         "tested": list(case.order), "forbidden": [FORBIDDEN],
-        "answer": {"effects": answered, "set_90": [{"names": effects, "probability": 0.96}]},
+        "answer": {"effects": answered, "set_90": [case.named(effects, 0.96)]},
         "parameters": PARAMETERS, "base": case.stage([]), "final": case.stage(effects),
         "quoted": case.quoted(effects), "steps": steps,
         "candidates": case.candidates(4), "confounding": case.confounding(),
@@ -383,16 +407,16 @@ def identified(title: str = "A dam") -> Verdict:
         "Identified: the liquefied soil loses strength as it shears (strain softening, 17 kPa), "
         "among the 10 effects tested."
     )
-    return Verdict.model_validate(
-        document(case, "identified", ["strain_softening"], sentence, title)
-    )
+    made = document(case, "identified", ["strain_softening"], sentence, title)
+    made["answer"]["chance"] = 0.88
+    return Verdict.model_validate(made)
 
 
 def adequate() -> Verdict:
     """Nothing to find."""
     sentence = "Adequate: the base model explains the measurements within their errors."
     made = document(Case(Truth({})), "adequate", [], sentence, "A sound model")
-    made["answer"]["set_90"] = [{"names": [], "probability": 0.97}]
+    made["answer"]["set_90"] = [Case(Truth({})).named([], 0.97)]
     return Verdict.model_validate(made)
 
 
@@ -406,9 +430,10 @@ def ambiguous() -> Verdict:
     best = ["pore_pressure"]
     made = document(case, "ambiguous", best, sentence, "Two that look alike")
     made["answer"]["set_90"] = [
-        {"names": ["pore_pressure"], "probability": 0.56},
-        {"names": ["overburden_strength"], "probability": 0.39},
+        case.named(["pore_pressure"], 0.56),
+        case.named(["overburden_strength"], 0.39),
     ]
+    made["answer"]["chance"] = 0.38
     made["next_measurement"] = [
         {"name": "marker at x 62 m, y 4 m", "gain": 11.3, "parts": ["dx", "dy"], "unit": "m",
          "words": "displacement of a point at x 62 m, y 4 m before the slide, to 0.3 m",

@@ -42,7 +42,7 @@ from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import read_json, write_json
 from report.charts.joint import _ratio_axis
-from report.joint import summary, write_report
+from report.joint import summary
 from report.tables.joint import slide_table
 from tests.inversion import report_case
 from tests.inversion.slides import FEW, NAMES, dams, slide
@@ -270,7 +270,7 @@ def document() -> JointDocument:
 
 def test_the_page_faces_the_slope_that_stood(document, tmp_path):
     (tmp_path / "joint.json").write_text(document.model_dump_json())
-    page = write_report(tmp_path).read_text()
+    page = flowslide.write_report(tmp_path).read_text()
     text = summary(document)
     assert (tmp_path / "summary.txt").read_text() == text + "\n"
     assert "another zone liquefied" in page and "Either one relation does not give both" in page

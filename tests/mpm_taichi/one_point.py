@@ -67,7 +67,7 @@ class Path:
 @cache
 def _compiled(one: Effect, program: object) -> tuple[EffectTable, Callable]:
     """Columns of an effect, and the kernel that leads a point; `program`: Taichi as it runs now."""
-    functions = effect_functions((one,), MOHR_COULOMB)
+    functions = effect_functions((one,), MOHR_COULOMB, averaged=False)
     point = point_functions(
         MOHR_COULOMB, affine=True, averaged=False, corrected=True, effects=functions
     )

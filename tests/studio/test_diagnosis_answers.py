@@ -1,4 +1,4 @@
-"""What the line of a diagnosis has: the ranking, misfits before and after, effects to switch."""
+"""What the line of a diagnosis has: the ranking, effects to switch."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from flowslide.studio.diagnosis_answers import (
     comparison,
     effects,
     explanation,
-    misfit,
     verdict,
 )
 from flowslide.studio.job_process import MOST_RANKED, Told
@@ -45,27 +44,6 @@ def test_the_ranking_is_in_the_state_of_the_job_from_the_first_on(tmp_path):
     assert words == ["drag", *map(str, range(MOST_RANKED - 1))]
 
 
-def test_the_misfit_is_that_of_the_verdict_with_the_sign_of_the_page(found):
-    rows = {row["name"]: row for row in misfit(found.measurements)}
-    single = next(
-        m for m in found.measurements
-        if sum(n.measurement == m.measurement for n in found.measurements) == 1
-    )  # fmt: skip
-    row = rows[single.measurement]
-    assert row["before"]["at"] == -single.residual_base
-    assert row["after"]["at"] == -single.residual_final
-    assert row["after"]["high"] - row["after"]["at"] == 1.0
-    way = "small" if single.residual_base > 0 else "large"
-    assert f"{abs(single.residual_base):.1f} std too {way} before" in row["words"]
-    series = next(row for row in rows.values() if row["before"]["n"] > 1)
-    values = [-m.residual_base for m in found.measurements if m.measurement == series["name"]
-              and m.role == series["role"]]  # fmt: skip
-    ends = series["before"]["low"], series["before"]["high"]
-    assert ends == pytest.approx((min(values), max(values)))
-    assert "root mean square" in series["words"]
-    assert all(row["role"] != "constructed" for row in rows.values())
-
-
 def test_effects_have_the_amplitudes_and_the_strengths_that_belong_together(found):
     shown = effects(found)
     named = [one for one in shown["each"] if one["how"] == "named"]
@@ -85,9 +63,9 @@ def test_nothing_is_kept_of_a_verdict_that_explains_nothing():
     assert not effects(verdict_case.unknown())["is_result"]
 
 
-def test_a_comparison_has_no_after_and_an_explanation_says_where_amplitudes_are_from():
-    compared = comparison(verdict_case.compared())
-    assert all(row["after"] is None for row in compared["misfit"])
-    assert not any("before" in row["words"] for row in compared["misfit"])
+def test_a_comparison_has_values_and_an_explanation_says_where_amplitudes_are_from():
+    compared = verdict_case.compared()
+    shown = comparison(compared)["effects"]
+    assert shown["base"] == compared.base.values and not shown["each"]
     explained = explanation(verdict_case.explained())["effects"]["each"]
     assert explained and {one["how"] for one in explained} == {"by its score"}

@@ -1,7 +1,7 @@
 // Questions about a case, the jobs that answer them, what they found, and their reports.
 
 import { bytes, get, pauseAfter, send } from "./api.js";
-import { draw, historyChart, impliedChart, misfitChart, rankingChart } from "./charts.js";
+import { draw, historyChart, impliedChart, rankingChart } from "./charts.js";
 import { asValues, namedEffects, switches, tellSwitches } from "./effect_switches.js";
 import { askStrengths } from "./predict.js";
 import { download } from "./saving.js";
@@ -22,6 +22,8 @@ const QUESTIONS = [
     ["compare", "Compare", {}], ["explain", "Explain", {}], ["diagnose", "What is missing?", {}],
   ]],
 ];
+
+const OVERVIEW = "overview.svg"; // the picture of a diagnosis
 
 let state, say, slide, watching, jobs = [], tries = 0;
 const lines = new Map(); // number of a job -> { json, line }
@@ -196,8 +198,8 @@ function jobLine(job) {
     if (job.total) Object.assign(bar, { max: job.total, value: Math.min(job.done, job.total) });
     line.append(bar);
   }
+  if (job.state === "done" && job.files.includes(OVERVIEW)) line.append(overview(job));
   if (job.ranking?.length) line.append(rankingChart(job));
-  if (job.misfit?.length) line.append(misfitChart(job.misfit));
   if (job.effects?.each.length && isShown(job)) line.append(switches(job, state, slide));
   line.append(...(job.implied ?? []).map((one) => impliedChart(one, isNewest(job))));
   if (job.history?.length) line.append(historyChart(job.history, job.state));
@@ -252,6 +254,14 @@ function jobButtons(job) {
   const film = job.files.find((file) => file.endsWith(".gif"));
   if (job.state === "done" && film) add("Watch the film", () => open(job, film));
   return buttons;
+}
+
+/** The picture of a diagnosis; a click opens the report, which begins with it. */
+function overview(job) {
+  const alt = "The diagnosis in one picture: measurements before and after, what explains them, and the strength by each";
+  const button = el("button", { className: "overview", title: "Open the report" }, el("img", { src: `/api/jobs/${job.id}/files/${OVERVIEW}`, alt }));
+  button.addEventListener("click", () => open(job, job.page));
+  return button;
 }
 
 function open(job, file) {

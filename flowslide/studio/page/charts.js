@@ -121,38 +121,6 @@ function rowMarks(row, x, to) {
   return [...made, mark(shape, x(row.value), 9, sign[row.role])];
 }
 
-/** A strip for one row, over a shaded range, on an axis from `from` to `to`. */
-function strip(height, x, [low, high]) {
-  const made = draw("svg", { viewBox: `0 0 ${WIDTH} ${height}`, "aria-hidden": "true" });
-  made.append(draw("rect", { class: "noise", x: x(low), width: x(high) - x(low), y: 0, height }));
-  made.append(draw("line", { class: "axis", x1: x(0), x2: x(0), y1: 0, y2: height }));
-  return made;
-}
-
-/** How far each measurement is off before and after effects were added [std]: in words, and as error bars. */
-export function misfitChart(rows) {
-  const bars = rows.flatMap(({ before, after }) => [before, after]).filter(Boolean);
-  const reach = Math.max(3, ...bars.flatMap(({ low, high }) => [-low, high])) * 1.05;
-  const x = (value) => EDGE + ((WIDTH - 2 * EDGE) * (value + reach)) / (2 * reach);
-  const hasAfter = rows.some(({ after }) => after);
-  const items = rows.map((row) => {
-    const height = hasAfter ? 24 : 16;
-    const marks = strip(height, x, [-2, 2]);
-    [["before", row.before, 8], ["after", row.after, 17]].filter(([, bar]) => bar).forEach(([when, bar, y]) => {
-      marks.append(draw("line", { class: `bar ${when}`, x1: x(bar.low), x2: x(bar.high), y1: y, y2: y }), mark("circle", x(bar.at), y, when));
-    });
-    return el("div", { role: "listitem" }, el("span", {}, el("b", { textContent: row.name }), ` (${row.role}): ${row.words}`), marks);
-  });
-  const axis = draw("svg", { viewBox: `0 0 ${WIDTH} 16`, "aria-hidden": "true" });
-  axis.append(draw("line", { class: "axis", x1: EDGE, x2: WIDTH - EDGE, y1: 0.5, y2: 0.5 }));
-  for (const value of ticks(-reach, reach)) axis.append(draw("text", { x: x(value), y: 13, "text-anchor": "middle" }, String(value).replace("-", "−")));
-  return el("details", { className: "misfit", open: true, "data-key": "misfit" },
-    el("summary", { textContent: hasAfter ? "Each measurement before and after" : "Each measurement" }),
-    el("div", { role: "list", "aria-label": "how far each measurement is off" }, ...items), axis,
-    el("p", { className: "note", textContent: `Predicted minus measured, in standard deviations; shaded: within 2. ${hasAfter ? "Grey: the base model, blue: with what was added. " : ""}`
-      + "Bars: one standard deviation; of a series from its least to its largest number." }));
-}
-
 /** How the hypotheses stand: a bar for what a score promises, a full one for what a refit has found. */
 export function rankingChart({ ranking, looked_at: count, state }) {
   const falls = ranking.map(({ promised, refitted }) => [Math.max(promised ?? 0, 0), refitted === null ? null : Math.max(refitted, 0)]);

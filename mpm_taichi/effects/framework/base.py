@@ -118,6 +118,9 @@ class Effect:
       of its nodes; it slows them and never moves what rests.
     - `ground(effect, base, node) -> base`: changes `base.friction` (tangential over normal) and
       `base.adhesion` [Pa] of the ground at a node.
+    - `width(effect, place) -> vector of 2`: width of the slide at a place of a node's kind, over
+      that at a chosen one, and its slope along x [1/m]. Soil that gets to where the slide is wider
+      is stretched across the section. Needs `field`, the same width at the start.
     - `memory(effect, here) -> number`: new value of a number that each point carries, 0 at t = 0;
       the effect's other hooks find it as `here.memory`.
 
@@ -169,6 +172,7 @@ class Effect:
     acceleration: Callable | None = None
     resistance: Callable | None = None
     ground: Callable | None = None
+    width: Callable | None = None
     memory: Callable | None = None
     scene: Callable[[Scene, float, Numbers], Scene] | None = None
     constant_names: tuple[str, ...] = ()
@@ -184,6 +188,7 @@ class Effect:
         "acceleration": ("effect", "node"),
         "resistance": ("effect", "here"),
         "ground": ("effect", "base", "node"),
+        "width": ("effect", "place"),
         "memory": ("effect", "here"),
     }
     """Hooks on points and nodes, and what each is given."""

@@ -111,6 +111,8 @@ def _wrong_hooks(one: Effect) -> str:
         hook = getattr(one, name)
         if not callable(hook) and (hook is not None or name == "applies"):
             return f"hook {name}: {_shown(hook)} is not a function"
+    if one.width is not None and one.field is None:
+        return "hook width: needs field, the same width at the start"
     if not one.on_device and one.scene is None:
         return "it has no hook that acts"
     for name in one.DEVICE_HOOKS:

@@ -36,10 +36,14 @@ from mpm_taichi.effects.framework.table import (
     EffectTable,
 )
 from mpm_taichi.layout import (
+    BULK_MODULUS,
+    CLOSED_POINTS,
+    DIVERGENCE,
     DVX_DX,
     DVX_DY,
     DVY_DX,
     DVY_DY,
+    FORCE_X,
     GROWN,
     MEAN_OVERBURDEN,
     OFFSET_X,
@@ -48,17 +52,20 @@ from mpm_taichi.layout import (
     ORIGIN_X,
     ORIGIN_Y,
     SHEAR,
+    SHEAR_MODULUS,
     VELOCITY_X,
     VELOCITY_Y,
     VOLUMETRIC,
+    VX,
     XX,
     YY,
     ZZ,
     A,
     vec2,
+    vec4,
 )
 from mpm_taichi.materials.law import MaterialLaw
-from mpm_taichi.solver.transfer import mass_weights
+from mpm_taichi.solver.transfer import mass_weights, velocity_weights
 
 _F32 = ti.f32
 Renewed = ti.types.vector(RENEWED, ti.f32)
@@ -149,6 +156,27 @@ def node_view(n, step: A, slots: A):
 
 
 @ti.func
+def place_of(p, step: A, state: A):
+    """A point's place, as a node has one."""
+    home, offset = column_and_row(state.points.home[p], step, state.slots), state.points.motion[p]
+    numbers = ti.static(state.slots.numbers)
+    return NodeView(
+        x=numbers[step.slot, ORIGIN_X] + (home[0] + offset[OFFSET_X]) * step.cell,
+        y=numbers[step.slot, ORIGIN_Y] + (home[1] + offset[OFFSET_Y]) * step.cell,
+        time=step.time,
+        cell=step.cell,
+    )
+
+
+@ti.func
+def stretched_across(stress, strain, volumetric, elastic):
+    """Stress after an elastic strain across the section, of which soil resists `volumetric`."""
+    mean = elastic[BULK_MODULUS] * volumetric
+    third = (2.0 / 3.0) * elastic[SHEAR_MODULUS] * strain
+    return stress + vec4(mean - third, mean - third, mean + 2.0 * third, 0.0)
+
+
+@ti.func
 def scatter_resistance(p, step: A, points: A, nodes: A, amount, atomic: A):
     """Add a point's resistance [N/m] to its nine nodes, by the weights of its mass."""
     home = points.home[p]
@@ -163,12 +191,16 @@ def scatter_resistance(p, step: A, points: A, nodes: A, amount, atomic: A):
                 nodes.resistance[n] = nodes.resistance[n] + value
 
 
-def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNamespace:
+def effect_functions(
+    effects: tuple[Effect, ...], law: MaterialLaw, *, averaged: bool
+) -> SimpleNamespace:
     """Calls of the schedules to effects, compiled for these and a material law.
+
+    `averaged`: volumetric strain is averaged over a cell (F-bar).
 
     Returns:
         `table` (`EffectTable`); masks of the slots whose points need a pass, `strength_mask` and
-        `resistance_mask` and `dilation_mask`; and the functions below.
+        `resistance_mask`, `dilation_mask` and `width_mask`; and the functions below.
     """
     table = EffectTable(effects)
     calls = {hook: _calls(table, hook) for hook in Effect.DEVICE_HOOKS}
@@ -179,6 +211,7 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
     dilations, dilation = table.places("dilation"), calls["dilation"]
     accelerations, acceleration = table.places("acceleration"), calls["acceleration"]
     grounds, ground = table.places("ground"), calls["ground"]
+    widths, width, stretches = table.places("width"), calls["width"], table.stretch
     strength_constants = law.strength_constants
     changes_strength = strength_constants is not None
 
@@ -242,6 +275,105 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
             scatter_resistance(p, step, points, state.nodes, amount, atomic)
 
     @ti.func
+    def widening(place, step: A, state: A):
+        """Slope of ln w at a place [1/m]."""
+        slope = 0.0
+        for k in ti.static(widths):
+            if step.on & ti.static(1 << k):
+                now = width[k](state.slots.effect_numbers, step.slot, place)
+                slope += now[1] / now[0]
+        return slope
+
+    @ti.func
+    def share_growth(home, rate, state: A, atomic: A):
+        """Add a rate of strain across [1/s] of a closed point to the growth of its cell."""
+        if ti.static(averaged):
+            if ti.static(atomic):
+                ti.atomic_add(state.nodes.cell_mean[home][DIVERGENCE], rate)
+            else:
+                state.nodes.cell_mean[home][DIVERGENCE] += rate
+
+    @ti.func
+    def widen(p, step: A, state: A, atomic: A):
+        """Strain of a point across the section in its motion, noted for the coming step.
+
+        In all it is ln(w / w_0) of where the point is, whatever way it came. Closed points share
+        it with their cell, as they do the growth of their area (`stress.cell_sums`).
+        """
+        points, facts = ti.static((state.points, state.points.facts))
+        place, home = place_of(p, step, state), points.home[p]
+        for k in ti.static(widths):
+            if step.on & ti.static(1 << k):
+                now = width[k](state.slots.effect_numbers, step.slot, place)
+                whole = ti.log(now[0] / facts[p, fields[k]])
+                strain = whole - facts[p, stretches[k]]
+                facts[p, stretches[k]] = whole
+                facts[p, stretches[k] + 1] = strain
+                if points.history[p][OPENING] <= 0.0:
+                    share_growth(home, strain / step.dt, state, atomic)
+
+    @ti.func
+    def strain_across(p, step: A, state: A):
+        """Stress and history of a point after the strain that was noted, before that in the plane.
+
+        As in the plane (`stress.trial`) what has opened closes before it resists, and of a closed
+        point the change of volume comes with the mean of its cell.
+        """
+        points, facts = ti.static((state.points, state.points.facts))
+        history, closed = points.history[p], 0.0
+        if ti.static(averaged):
+            closed = state.nodes.cell_mean[points.home[p]][CLOSED_POINTS]
+        for k in ti.static(widths):
+            if step.on & ti.static(1 << k):
+                strain = facts[p, stretches[k] + 1]
+                closing = ti.max(ti.min(history[OPENING], -strain), 0.0)
+                volumetric = strain + closing
+                if history[OPENING] <= 0.0 and closed > 0.0:
+                    volumetric = 0.0
+                elastic = state.materials.elastic[points.row[p]]
+                points.stress[p] = stretched_across(points.stress[p], strain, volumetric, elastic)
+                history[VOLUMETRIC] += volumetric
+                history[OPENING] -= closing
+        points.history[p] = history
+
+    @ti.func
+    def settle_wider(p, step: A, state: A, atomic: A):
+        """Both while the stress settles and points stay: by the velocity of the nodes."""
+        points, nodes = ti.static((state.points, state.nodes))
+        weight_x, weight_y = velocity_weights(points.motion[p], nodes.kind[points.home[p]])
+        speed = 0.0
+        for i in ti.static(range(3)):
+            for j in ti.static(range(3)):
+                n = points.home[p] + (i - 1) * step.columns + (j - 1)
+                speed += weight_x[i] * weight_y[j] * nodes.velocity[n][VX]
+        rate = speed * widening(place_of(p, step, state), step, state)
+        share_growth(points.home[p], rate, state, atomic)
+        strain = step.dt * rate
+        volumetric = 0.0 if ti.static(averaged) else strain
+        elastic = state.materials.elastic[points.row[p]]
+        points.stress[p] = stretched_across(points.stress[p], strain, volumetric, elastic)
+
+    @ti.func
+    def push_outward(p, step: A, state: A, atomic: A):
+        """Force of the stress across the section on the nodes of a point, where the slide widens.
+
+        It does on the nodes' velocities the work that the strain across takes up.
+        """
+        points, nodes = ti.static((state.points, state.nodes))
+        slope = widening(place_of(p, step, state), step, state)
+        strained = points.volume[p] * (1.0 + points.history[p][VOLUMETRIC])
+        force = -slope * strained * points.stress[p][ZZ]
+        weight_x, weight_y = velocity_weights(points.motion[p], nodes.kind[points.home[p]])
+        for i in ti.static(range(3)):
+            for j in ti.static(range(3)):
+                n = points.home[p] + (i - 1) * step.columns + (j - 1)
+                share = weight_x[i] * weight_y[j] * force
+                if ti.static(atomic):
+                    ti.atomic_add(nodes.load[n][FORCE_X], share)
+                else:
+                    nodes.load[n][FORCE_X] += share
+
+    @ti.func
     def dilate(p, step: A, state: A, shear, bulk_modulus):
         """Change of mean stress [Pa] of plastic shear `shear`, and of the dissipation [J/m3]."""
         view = point_view(p, step, state)
@@ -279,9 +411,14 @@ def effect_functions(effects: tuple[Effect, ...], law: MaterialLaw) -> SimpleNam
         strength_mask=table.mask("strength", "memory"),
         resistance_mask=table.mask("resistance"),
         dilation_mask=table.mask("dilation"),
+        width_mask=table.mask("width"),
         renew_strength=renew_strength,
         start_strength=start_strength,
         resist=resist,
+        widen=widen,
+        strain_across=strain_across,
+        settle_wider=settle_wider,
+        push_outward=push_outward,
         dilate=dilate,
         acceleration_at=acceleration_at,
         ground_at=ground_at,

@@ -14,6 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mpm_taichi.effects.framework.base import Active, Effect
 from mpm_taichi.effects.framework.faults import faults
 from mpm_taichi.materials import registry as laws
@@ -48,6 +50,7 @@ LIBRARY = (
     "water_drag",
     "side_shear",
     "side_friction",
+    "radial_spreading",
     "pool_level",
 )
 """Names of the library's effects, each a module of this package with an `EFFECT`. The order is that
@@ -206,14 +209,27 @@ def acting_scene(scene: Scene, active: tuple[Active, ...]) -> Scene:
     return scene
 
 
+def relative_width(active: Iterable[Active], scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Width of the slide at places (N, 2) [m] as effects have it, 1 without one, (N,)."""
+    found = np.ones(len(position))
+    for one in active:
+        if one.effect.width is not None:
+            found = found * one.field_of(scene, position)
+    return found
+
+
 def changes_volume(scene: Scene) -> bool:
-    """True where an effect that is on lets soil change its volume as it shears.
+    """True where an effect that is on lets soil change its area in the section as it flows.
 
     An effect that is not known here, such as a user's whose file was not loaded, counts as none.
     """
-    dilating = {one.name for one in (*library(), *user_effects()) if one.dilation is not None}
+    changing = {
+        one.name
+        for one in (*library(), *user_effects())
+        if one.dilation is not None or one.width is not None
+    }
     return any(
-        name in dilating and (entry["amplitude"] if isinstance(entry, Mapping) else entry) != 0.0
+        name in changing and (entry["amplitude"] if isinstance(entry, Mapping) else entry) != 0.0
         for name, entry in scene.effects.items()
     )
 

@@ -29,6 +29,8 @@ class EffectTable:
         width: columns of the table of slots.
         field: effect's place -> column of its fixed number in the table of points.
         memory: effect's place -> column of the number that points carry.
+        stretch: effect's place -> column of the strain across the section that it has caused; the
+            next one is that of the last step.
         renewed: effect's place -> first column of its `RENEWED` numbers.
         facts: columns of the table of points.
     """
@@ -40,12 +42,14 @@ class EffectTable:
         self.width = max(sum(widths), 1)
         self.field: dict[int, int] = {}
         self.memory: dict[int, int] = {}
+        self.stretch: dict[int, int] = {}
         column = FACTS
-        for columns, hook in ((self.field, "field"), (self.memory, "memory")):
+        of_points = ((self.field, "field"), (self.memory, "memory"), (self.stretch, "width"))
+        for columns, hook in of_points:
             for place, one in enumerate(self.effects):
                 if getattr(one, hook) is not None:
                     columns[place] = column
-                    column += 1
+                    column += 2 if hook == "width" else 1
         self.renewed: dict[int, int] = {}
         for place in self.places("between"):
             self.renewed[place] = column
