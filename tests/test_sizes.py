@@ -86,7 +86,7 @@ LINES = {
     "benchmarks/gpu": 1170,
     "benchmarks/hidden_effects": 8870,
     "benchmarks/performance": 1290,
-    "benchmarks/studies": 3580,
+    "benchmarks/studies": 3600,
     "benchmarks/verification": 5230,
 }
 
