@@ -11,7 +11,7 @@ from diagnosis.options import Options
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.covariance import Covariance, covariance, not_less
 from inversion.problem.state import State
-from tests.diagnosis.straight import SIZE, Straight, errors, signatures, truth
+from tests.diagnosis.straight import SIZE, Straight, errors, noise_of, signatures, truth
 
 ASKED = Options(draws=400, replicates=4)
 LATE = ("late",)
@@ -53,8 +53,7 @@ class Noisy(Straight):
     def _run(self, state: State) -> np.ndarray:
         found = super()._run(state)
         amplitude = dict(state.effects).get("step", 0.0)
-        bits = np.frombuffer(repr(state).encode(), dtype=np.uint8)
-        scatter = np.random.default_rng([7, *bits.tolist()]).standard_normal(SIZE)
+        scatter = noise_of(state, 7).standard_normal(SIZE)
         return found + 0.8 * amplitude * (signatures()["step"] > 0.0) * scatter
 
 

@@ -12,15 +12,13 @@ from flowslide import api
 from flowslide.run import Call, SectionOptions
 
 COMMANDS = Path(__file__).resolve().parents[2] / "flowslide" / "commands"
-#: Of what works on a question: names of engines, which are options and folders; and the documents
-#: that an answer leaves, which `report` prints again.
+#: Of what works on a question: names of engines, which are options and folders; and the document
+#: that a back-analysis leaves, which `report` holds against a case.
 NAMES = {
     "inversion.engines.registry.MPM",
     "inversion.engines.registry.engine_named",
     "inversion.engines.registry.engines",
     "inversion.back_analysis.result.load_result",
-    "inversion.posterior.document.load_posterior",
-    "diagnosis.verdict.verdict.load_verdict",
 }
 #: Commands that ask no question about a case: `new` writes one, `catalogue` prints a table.
 OTHERS = {"new.py", "catalogue.py"}

@@ -23,10 +23,10 @@ def _section_for(name):
     return next(s for s in SECTIONS.values() if not THINGS[name].applies(s.scene))
 
 
-def _later(loading):
+def _later(loading, time_s=4.0):
     n = len(loading.points)
     return Moment(
-        4.0, loading.points.position + np.array([30.0, 0.0]), np.ones((n, 2)), np.full(n, 0.2),
+        time_s, loading.points.position + np.array([30.0, 0.0]), np.ones((n, 2)), np.full(n, 0.2),
         np.full(n, 0.5),
     )  # fmt: skip
 
@@ -37,7 +37,8 @@ def test_every_thing_changes_the_slide_it_is_hidden_in(name):
     one = thing.draw(section.scene, Stream(3))
     without = Loading.of(section.scene, [], seed=1)
     with_it = Loading.of(section.scene, [one], seed=1)
-    moment = _later(without) if with_it.scene == without.scene else None
+    moment = _later(without, 9.0 if name == "aftershock" else 4.0)
+    moment = moment if with_it.scene == without.scene else None
     acts = [
         with_it.scene != without.scene,
         with_it.base_share != without.base_share,
