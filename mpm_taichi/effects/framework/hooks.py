@@ -342,8 +342,9 @@ def effect_functions(
         points, nodes = ti.static((state.points, state.nodes))
         weight_x, weight_y = velocity_weights(points.motion[p], nodes.kind[points.home[p]])
         speed = 0.0
-        for i in ti.static(range(3)):
-            for j in ti.static(range(3)):
+        # Unrolled, these loops would make all kernels with effects a third longer to compile.
+        for i in range(3):
+            for j in range(3):
                 n = points.home[p] + (i - 1) * step.columns + (j - 1)
                 speed += weight_x[i] * weight_y[j] * nodes.velocity[n][VX]
         rate = speed * widening(place_of(p, step, state), step, state)
@@ -364,8 +365,8 @@ def effect_functions(
         strained = points.volume[p] * (1.0 + points.history[p][VOLUMETRIC])
         force = -slope * strained * points.stress[p][ZZ]
         weight_x, weight_y = velocity_weights(points.motion[p], nodes.kind[points.home[p]])
-        for i in ti.static(range(3)):
-            for j in ti.static(range(3)):
+        for i in range(3):
+            for j in range(3):
                 n = points.home[p] + (i - 1) * step.columns + (j - 1)
                 share = weight_x[i] * weight_y[j] * force
                 if ti.static(atomic):
