@@ -61,7 +61,7 @@ class Noisy(Straight):
 def test_an_effect_that_makes_the_slide_noisy_is_granted_its_noise_and_pays_for_it():
     state = State((15.0, 32.0)).with_effects({"step": 2.0})
     slide = Noisy(np.ones(SIZE), noise=0.05)
-    readings = slide.predict([state])[0] + errors(4)
+    readings = slide.predict([state])[0] + errors(5)
     found = diagnose(Noisy(readings, noise=0.05), ASKED)
     model = found.tried_models.models[("step",)]
     plain, own = found.comparison.base.data, model.own
