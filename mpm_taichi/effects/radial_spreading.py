@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpm_taichi.effects.framework.base import Amplitude, Effect, ti
-from mpm_taichi.effects.obstacles import feet_with_room
+from mpm_taichi.effects.obstacles import applies, feet_with_room
 from mpm_taichi.effects.side_shear import section_height
 
 if TYPE_CHECKING:
@@ -53,14 +53,6 @@ def constants(scene: Scene, amplitude: float, parameters: Numbers) -> dict[str, 
     height = section_height(scene, amplitude, parameters)
     inside = 1.0 / abs(walls[0]) if len(walls) == 1 else 0.0
     return {**feet_with_room(scene), **height, "slope_inside": inside}
-
-
-def applies(scene: Scene) -> str:
-    """Needs ground before a foot."""
-    feet = feet_with_room(scene)
-    if feet["left_foot"] < scene.domain.x_min and feet["right_foot"] > scene.domain.x_max:
-        return "no foot of the section has room before it"
-    return ""
 
 
 EFFECT = Effect(
