@@ -24,7 +24,7 @@ from benchmarks.hidden_effects.run import Part
 from benchmarks.hidden_effects.scoring.by_other_codes import gives_name, is_right
 from benchmarks.hidden_effects.scoring.calibration import covers
 from benchmarks.hidden_effects.scoring.digest import Digest, digest_of
-from benchmarks.hidden_effects.scoring.opened import save_rows
+from benchmarks.hidden_effects.scoring.opened import SlideRow, add_slides, load_slides
 from benchmarks.hidden_effects.scoring.records import read_truth
 from benchmarks.hidden_effects.scoring.score import INSEPARABLE, Judged
 from diagnosis.case import diagnosis_case
@@ -34,7 +34,6 @@ from geometry.case import load_case
 from inversion.engines.run_store import RunStore
 from pipeline.cli import InputError
 from pipeline.config import Config, validate_settings
-from pipeline.documents import StrictDocument
 from pipeline.files import read_json, write_json
 
 FOLDER = "strangers"
@@ -43,11 +42,9 @@ RECORD = ROOT / "benchmarks" / "hidden_effects" / "strangers_results.json"
 KEPT = ("name", "kind", "source", "section", "survey", "effects", "parameters", "lambda")
 
 
-class Twice(StrictDocument):
+class Twice(SlideRow):
     """A slide and its two verdicts: a row of the record."""
 
-    of: str = Field(description="words for its set")
-    truth: dict[str, Any] = Field(description="what `KEPT` names of it")
     forbidden: list[str] = Field(description="candidates that the second library lacks")
     whole: Digest = Field(description="by the whole library")
     without: Digest | None = Field(description="without them; null: nothing was to be explained")
@@ -169,19 +166,13 @@ def single_things(places: Places) -> list[str]:
 
 
 def load_twice(path: Path) -> list[Twice]:
-    """A record of several sets; empty where there is none.
-
-    Raises:
-        InputError: not of this form; one line.
-    """
-    rows = read_json(path) if path.is_file() else []
-    return [validate_settings(Twice, row, origin=str(path)) for row in rows]
+    """A record of several sets; see `scoring.opened.load_slides`."""
+    return load_slides(Twice, path)
 
 
 def save_twice(found: Sequence[Twice], path: Path) -> None:
     """Add slides to a record; of one that is there the newer verdicts stay."""
-    rows = {(one.of, one.truth["name"]): one for one in [*load_twice(path), *found]}
-    save_rows([rows[key].model_dump(mode="json") for key in sorted(rows)], path)
+    add_slides(Twice, found, path)
 
 
 HEADER = (

@@ -11,14 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from benchmarks.generated_pages import table
 from benchmarks.hidden_effects.baselines.answers import Answer
-from pipeline.documents import StrictDocument
+from benchmarks.hidden_effects.scoring.opened import SlideRow
 
 #: The picture as the page sees it.
 SHOWN = "../images/baselines.png"
@@ -39,11 +38,9 @@ HEADER = (
 )  # fmt: skip
 
 
-class Row(StrictDocument):
+class Row(SlideRow):
     """A slide and all answers."""
 
-    of: str = Field(description="words for its set")
-    truth: dict[str, Any] = Field(description="what a record of strangers keeps of it")
     answers: dict[str, Answer] = Field(description="by method")
 
     @property

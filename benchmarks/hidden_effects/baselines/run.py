@@ -19,7 +19,7 @@ from benchmarks.hidden_effects.making.benchmark import Places
 from benchmarks.hidden_effects.making.make import OnCase, sealed_cases
 from benchmarks.hidden_effects.run import METHOD, Part
 from benchmarks.hidden_effects.scoring.digest import load_digest
-from benchmarks.hidden_effects.scoring.opened import save_rows
+from benchmarks.hidden_effects.scoring.opened import add_slides, load_slides
 from benchmarks.hidden_effects.scoring.records import read_truth
 from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.hidden_effects.strangers import KEPT
@@ -115,19 +115,13 @@ def _slide(places: Places, name: str, store: RunStore, config: Config) -> Slide:
 
 
 def load_answers(path: Path) -> list[Row]:
-    """A record of several sets; empty where there is none.
-
-    Raises:
-        InputError: not of this form; one line.
-    """
-    rows = read_json(path) if path.is_file() else []
-    return [validate_settings(Row, row, origin=str(path)) for row in rows]
+    """A record of several sets; see `scoring.opened.load_slides`."""
+    return load_slides(Row, path)
 
 
 def save_answers(found: list[Row], path: Path) -> None:
     """Add slides to a record; of one that is there the newer answers stay."""
-    rows = {(one.of, one.truth["name"]): one for one in [*load_answers(path), *found]}
-    save_rows([rows[key].model_dump(mode="json") for key in sorted(rows)], path)
+    add_slides(Row, found, path)
 
 
 def baselines_page() -> str:

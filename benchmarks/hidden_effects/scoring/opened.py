@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import Field
 
 from benchmarks.hidden_effects.making.benchmark import Benchmark, Places
 from benchmarks.hidden_effects.making.make import sealed_cases
@@ -20,6 +22,7 @@ from benchmarks.hidden_effects.scoring.records import checked_rows, read_truth
 from benchmarks.hidden_effects.scoring.score import Judged
 from pipeline.cli import InputError
 from pipeline.config import validate_settings
+from pipeline.documents import StrictDocument
 from pipeline.files import read_json, write_text
 
 Row = dict[str, Any]
@@ -55,6 +58,32 @@ def save_rows(rows: Sequence[Row], path: str | Path) -> None:
 
     lines = [json.dumps(row, separators=(",", ":"), allow_nan=False) for row in rows]
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
+
+
+Slides = TypeVar("Slides", bound="SlideRow")
+
+
+class SlideRow(StrictDocument):
+    """A row on one slide, in a record of several sets."""
+
+    of: str = Field(description="words for its set")
+    truth: dict[str, Any] = Field(description="what `strangers.KEPT` names of it")
+
+
+def load_slides(kind: type[Slides], path: Path) -> list[Slides]:
+    """A record of several sets; empty where there is none.
+
+    Raises:
+        InputError: not of this form; one line.
+    """
+    rows = read_json(path) if path.is_file() else []
+    return [validate_settings(kind, row, origin=str(path)) for row in rows]
+
+
+def add_slides(kind: type[Slides], found: Sequence[Slides], path: Path) -> None:
+    """Add slides to a record; of one that is there the newer row stays."""
+    rows = {(one.of, one.truth["name"]): one for one in [*load_slides(kind, path), *found]}
+    save_rows([rows[key].model_dump(mode="json") for key in sorted(rows)], path)
 
 
 def load_rows(path: str | Path) -> list[Row]:
