@@ -63,7 +63,7 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
 
     Args:
         scene: the section.
-        std: standard deviation [m]; None: `TOP_STD` of the height.
+        std: standard deviation [m]; None: `LEVEL_STD` of the height.
 
     Returns:
         its vertices, those on the ground and on the outline of the section left out; None: it has
