@@ -21,6 +21,7 @@ from diagnosis.hypotheses.hypothesis_file import (
     load_hypothesis,
     new_name,
 )
+from diagnosis.hypotheses.model import Proposing
 from diagnosis.selection.explain import explain
 from diagnosis.selection.extend import check_addition, extend
 from diagnosis.session import Session
@@ -54,6 +55,7 @@ from diagnosis.verdict.verdict_builder import (
     sentence,
     verdict_document,
 )
+from inversion.back_analysis.deviations import LEFT_OUT
 from pipeline.cli import InputError
 
 
@@ -358,6 +360,12 @@ class Suggested:
 
 
 def suggested(session: Session, count: int) -> Suggested:
-    """The `count` measurements that would tell most; nothing is written."""
+    """The `count` measurements that would tell most; nothing is written.
+
+    Raises:
+        InputError: none is proposed of a body in three dimensions.
+    """
+    if not isinstance(session.model, Proposing):
+        raise InputError(f"suggest: {session.case.folder}: {LEFT_OUT}")
     found = diagnose(session.model, session.options, session.say, count=count)
     return Suggested(sentence(found), next_part(found.next_measurement))
