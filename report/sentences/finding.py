@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from diagnosis.hypotheses.model import FAMILY_WORDS
 from diagnosis.options import Options
 from diagnosis.reason import Reason
+from diagnosis.signatures.confounding import look_alike
 from diagnosis.verdict.verdict import CompareDocument, FittedModelSummary, Verdict
 from pipeline.ties import largest
 from report.data.diagnosis import DiagnosisData, Document
 from report.numbers import chance, number, percent
 from report.sentences.diagnosis import (
-    NOT_SEPARABLE,
-    confounded,
     explanation,
     spoken,
     test_words,
@@ -26,6 +27,7 @@ from report.sentences.diagnosis import (
 )
 
 EXPLAINS = "The base model explains the measurements within their errors"
+FAILS = "The base model does not explain the measurements"
 #: Kind of a reason -> its words; `p`, `share`: its first number, `test`: what it is of.
 REASONS = {
     "unread": "none of its runs could be read",
@@ -49,7 +51,7 @@ def reason_words(reason: Reason | None) -> str:
         return ""
     first = next(iter(reason.numbers), 0.0)
     words = {"p": chance(first), "share": percent(first), "test": test_words(reason.of)}
-    return REASONS[reason.kind].format(*reason.numbers, of=spoken(reason.of), **words)
+    return REASONS[reason.kind].format(*reason.numbers, of=reason.of, **words)
 
 
 def lead(data: DiagnosisData) -> str:
@@ -77,8 +79,8 @@ def _comparison(found: CompareDocument) -> str:
         where = f"; it fails most along {window_words(window)}"
     elif base.groups:
         where = f"; farthest off is {largest(base.groups, lambda group: group.z).name}"
-    verb = "may not explain" if found.alarm == "suspect" else "does not explain"
-    return f"The base model {verb} the measurements ({fit} {_failing(base)}){where}."
+    said = FAILS.replace("does", "may") if found.alarm == "suspect" else FAILS
+    return f"{said} ({fit} {_failing(base)}){where}."
 
 
 def candidate_sentence(data: DiagnosisData) -> str:
@@ -95,9 +97,10 @@ def candidate_sentence(data: DiagnosisData) -> str:
             f"No effect stands out among the {len(scored)} tested: the best score, that of {name}, "
             f"comes of noise alone with {chance(p)}."
         )
-    pairs = [pair[:2] for pair in confounded(data, NOT_SEPARABLE) if best.name in pair]
-    alike = ", ".join(spoken(one) for pair in pairs for one in pair if one != best.name)
-    tail = f" These data cannot tell it from {alike}." if alike else ""
+    alike, found = [], data.confounding
+    if found is not None:
+        alike = look_alike(found.names, np.array(found.cosine), best.name, Options.inseparable)
+    tail = f" These data cannot tell it from {', '.join(map(spoken, alike))}." if alike else ""
     return (
         f"Of {len(scored)} effects tested {name} promises most: {best.words} (chi² would fall by "
         f"{number(fall)}, family-wise {chance(p)}).{tail}"
@@ -114,8 +117,7 @@ def _verdict(found: Verdict) -> str:
                 f"be seen to be missing {among}."
             )
         case "adequate":
-            p = chance(found.base.p_combined)
-            return f"{EXPLAINS} ({p}); nothing is missing {among}."
+            return f"{EXPLAINS} ({chance(found.base.p_combined)}); nothing is missing {among}."
         case "suspect":
             return (
                 f"The base model is suspect ({base}), but no effect {among} improves it enough to "
@@ -123,9 +125,9 @@ def _verdict(found: Verdict) -> str:
             )
         case "unknown_effect" if answer.by_chance:
             return (
-                f"The base model does not explain the measurements ({base}). Best {among} fits "
-                f"{explanation(answer.by_chance)}, {REASONS['by_chance']}, which names nothing: "
-                "what is missing varies from place to place."
+                f"{FAILS} ({base}). Best {among} fits {explanation(answer.by_chance)}, "
+                f"{REASONS['by_chance']}, which names nothing: what is missing varies from place "
+                "to place."
             )
         case "unknown_effect" if answer.would_explain:
             return (
@@ -141,10 +143,7 @@ def _verdict(found: Verdict) -> str:
                 "given."
             )
         case "unknown_effect":
-            return (
-                f"The base model does not explain the measurements ({base}), and no effect {among} "
-                "does."
-            )
+            return f"{FAILS} ({base}), and no effect {among} does."
         case "identified" if answer.families:
             doubted = " and ".join(FAMILY_WORDS[family] for family in answer.families)
             return (

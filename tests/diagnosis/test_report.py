@@ -334,7 +334,7 @@ def test_a_reason_has_its_words():
     assert reason_words(None) == ""
     for said, kind, of, *numbers in (
         ("chi² falls by 5.0 only; 6 are asked for", "small_fall", "", 5.0, 6.0),
-        ("S r is at its bound, where the evidence means nothing", "at_bound", "S_r"),
+        ("S_r is at its bound, where the evidence means nothing", "at_bound", "S_r"),
         ("its tests still fail (p = 0.005, by the residuals of toe)", "tests_fail", "group toe",
          0.005),
         ("60 % of the excess misfit of the held-out data is left", "held_out_left", "", 0.6),
