@@ -207,7 +207,7 @@ def test_only_reports_draw(path):
 #: Most words of a label: of what is fitted, of a stage, of a run that was left out.
 LABEL = 7
 #: What states reasons and candidates in words, as labels of the documents: longer, but no sentence.
-LONG_LABELS = ("diagnosis/hypotheses/", "diagnosis/case.py")
+LONG_LABELS = "diagnosis/hypotheses/"
 #: Calls whose words are no finding: descriptions of a document's keys, errors, progress.
 OTHER_WORDS = {"Field", "InputError", "WorkFailed", "say"}
 
