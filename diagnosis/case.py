@@ -34,7 +34,7 @@ from inversion.problem.question import Question, check_zones, load_question
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
 
-#: Forward runs at the fits themselves, for the pictures.
+#: Forward runs at the fits themselves, for the pictures: of the base model and of the answer.
 FOR_PICTURES = 2
 
 

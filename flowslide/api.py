@@ -1008,6 +1008,12 @@ def open_session(
 
     Raises:
         InputError: bad input.
+
+    Examples:
+        >>> with open_session("diagnosis", "la_marquesa", spacing_m=1.0) as session:
+        ...     on_trial = session.model.candidates
+        >>> [one.name for one in on_trial if one.family == "water"][1:4]
+        ['pool_level', 'no_water', 'water_as_weight']
     """
     from diagnosis.session import Session, open_session
     from inversion.engines.registry import of_section
@@ -1109,7 +1115,7 @@ def compare(
         Cancelled: the caller asked for it.
 
     Examples:
-        >>> judged = compare("lower_san_fernando", spacing_m=3.0, threads=1)
+        >>> judged = compare("lower_san_fernando", out="lsf", spacing_m=3.0, threads=1)
         >>> judged.alarm
         'alarm'
     """
@@ -1179,7 +1185,15 @@ def extend(session: Session, add: str, notes: str = "") -> Extended:
 
 
 def track(session: Session) -> Track:
-    """The error over the models of a session so far. Nothing is simulated."""
+    """The error over the models of a session so far. Nothing is simulated.
+
+    Examples:
+        >>> with open_session("comparison", "lower_san_fernando", out="lsf", spacing_m=3.0) as one:
+        ...     judged = compare(one)
+        ...     steps = track(one).steps
+        >>> [(step.hypothesis, step.dof) for step in steps]
+        [('00_base', 3)]
+    """
     from diagnosis.answers import tracked
 
     return tracked(session)

@@ -304,3 +304,42 @@ def test_packages_are_found():
 def test_package_says_what_it_is_for(package):
     text = ast.get_docstring(ast.parse((ROOT / package / "__init__.py").read_text()))
     assert text and "In:" in text and "Out:" in text
+
+
+def unexplained_numbers(text: str) -> list[str]:
+    """Constants of a module with a number in them, and neither a comment nor a docstring at it.
+
+    Whether the words are a reason is for a reader.
+    """
+    lines, body = text.splitlines(), ast.parse(text).body
+    found = []
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign | ast.AnnAssign):
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [
+            one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)
+        ]
+        values = [one.value for one in ast.walk(node) if isinstance(one, ast.Constant)]
+        numbers = [one for one in values if type(one) in (int, float)]
+        above, own = lines[node.lineno - 2], lines[node.lineno - 1 : node.end_lineno]
+        commented = above.startswith("#") or any("  # " in line for line in own)
+        below = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        if numbers and all(name.isupper() for name in names) and not (commented or below):
+            found += names
+    return found
+
+
+DECIDING = [
+    path for path in FILES if relative(path).startswith(("diagnosis/", "inversion/estimation/"))
+]
+
+
+@pytest.mark.parametrize("path", DECIDING, ids=relative)
+def test_numbers_that_decide_a_verdict_say_why(path):
+    assert not unexplained_numbers(path.read_text())
+
+
+def test_a_number_without_a_reason_is_seen():
+    assert unexplained_numbers("#: Why.\nA = 1\nB, C = 2, (3.0, 4)\nD = 5  # why\n") == ["B", "C"]
+    assert unexplained_numbers('E = {"x": 1}\n"""Why."""\nF = "x"\nG: int = 6\n') == ["G"]

@@ -24,9 +24,10 @@ WITHOUT_ROOMS = {"pipeline"}
 # flowslide/commands gives); an effect that widens the slide, with a hook of its own
 # (mpm_taichi/effects, 220 lines); a diagnosis in one picture: what each measurement asks for
 # (diagnosis/verdict, 70 lines), its rows and its chart (report, 210 lines, of three charts less);
-# other methods on the blind slides (benchmarks/hidden_effects/baselines, 1,100 lines); sentences of
-# a verdict, which diagnosis/verdict gives (report/sentences, 150 lines), and the reasons that are
-# in their place (diagnosis/*.py, 10 lines).
+# other methods on the blind slides (benchmarks/hidden_effects/baselines, 1,100 lines); why the
+# numbers of each step of a diagnosis are what they are (diagnosis, 70 lines); examples of a session
+# (flowslide/*.py, 10 lines); sentences of a verdict, which diagnosis/verdict gives
+# (report/sentences, 150 lines), and the reasons in their place (diagnosis/*.py, 10 lines).
 LINES = {
     "pipeline": 2500,
     "geometry": 11220,
@@ -64,12 +65,12 @@ LINES = {
     "inversion/posterior": 2390,
     "inversion/prediction": 2050,
     "inversion/problem": 1040,
-    "diagnosis": 10230,
+    "diagnosis": 10290,
     "diagnosis/*.py": 1690,
     "diagnosis/adequacy": 710,
-    "diagnosis/hypotheses": 2510,
-    "diagnosis/selection": 3020,
-    "diagnosis/signatures": 600,
+    "diagnosis/hypotheses": 2530,
+    "diagnosis/selection": 3030,
+    "diagnosis/signatures": 610,
     "diagnosis/verdict": 1730,
     "report": 13550,
     "report/*.py": 3170,
@@ -79,7 +80,7 @@ LINES = {
     "report/sentences": 1520,
     "report/tables": 2130,
     "flowslide": 10260,
-    "flowslide/*.py": 1770,
+    "flowslide/*.py": 1780,
     "flowslide/commands": 3810,
     "flowslide/studio": 4690,
     "benchmarks": 21980,

@@ -23,6 +23,16 @@ from pipeline.cli import InputError
 
 Sensitivities = Sequence[Sensitivity]
 
+#: A surface that was drawn through few borings, the base or the top of a layer: one standard
+#: deviation of its level where nothing is known, as a share of the section's height, and at most
+#: [m], since borings locate one that well however high the section. By judgement: with half of it
+#: what a wrong drawing did is looked for in the strength, with twice of it a drawing explains
+#: anything.
+LEVEL_STD, WORST_KNOWN_M = 0.08, 2.0
+#: Amplitudes of such surfaces that are tried, in standard deviations; the last is the largest that
+#: is believed, as a 95 % interval has it.
+RUNGS = (0.5, 1.0, 2.0)
+
 
 @dataclass(frozen=True)
 class Assumption:

@@ -18,6 +18,9 @@ import numpy as np
 import shapely
 
 from diagnosis.hypotheses.assumption import (
+    LEVEL_STD,
+    RUNGS,
+    WORST_KNOWN_M,
     Assumption,
     Found,
     Sensitivities,
@@ -39,29 +42,32 @@ BONDED, ROUGH, FRICTION, COEFFICIENT = (
 WEAK, UNBONDED = "weak_base", "weak_unbonded_base"
 LEVEL, TILT, FORELAND, BUMP = "base_level", "base_tilt", "foreland", "bump"
 
-#: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand.
+#: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand,
+#: tan 31 deg.
 STRONGEST = 0.6
-#: Shares of it that are tried.
+#: Shares of it that are tried: coefficients of 0.42, 0.24 and 0.09, each about half of that before.
 SHARES = (0.3, 0.6, 0.85)
-#: One standard deviation where nothing is known: of the base's level and of its rise between the
-#: feet, as shares of the height of the section; of the slope of a foreland; of a coefficient.
-LEVEL_STD, TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.08, 0.1, 0.03, 0.25
-#: Largest of the first two [m]: borings locate a base that well, however high the section.
-WORST_KNOWN_M = 2.0
-#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
-RUNGS = (0.5, 1.0, 2.0)
-#: The base takes up its new place over this share of the section's length from either foot.
+#: One standard deviation where nothing is known, by judgement: of the base's rise between the feet,
+#: as a share of the section's height, about that of a difference of two levels; of the slope of a
+#: foreland, 1.7 deg; of a coefficient, as a share, like that of a strength (`soil.SHARES`).
+TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.1, 0.03, 0.25
+#: The base takes up its new place over this share of the section's length from either foot. By
+#: judgement: over less it has a step that holds a slide back, over 0.5 nothing lies at the new
+#: place.
 FADE = 0.15
-#: A foreland slopes over this many heights of the section, and is level beyond.
+#: A foreland slopes over this many heights of the section, and is level beyond. By judgement: about
+#: as far as a slide runs; without an end it would leave the domain.
 FORELAND_LENGTH = 6.0
-#: Where the top of a bump lies beyond the foot, in heights; its heights that are tried, in heights
-#: of the section, and the highest [m]; run of its faces over their rise.
+#: Where the top of a bump lies beyond the foot, in heights: each twice as far as that before.
 BUMP_PLACES = {"close_to": 0.5, "near": 1.0, "far_from": 2.0}
+#: Its heights that are tried, in heights of the section, and the highest [m]; run of its faces over
+#: their rise. By judgement: a slide does not bury, unseen, what is much higher.
 BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
-#: Factor between the distances that are tried, and how many there are from 0.3 to 3 heights.
+#: Factor between the distances that are tried, three of which make one of the given twice as far,
+#: and how many there are from 0.3 to 3 heights.
 BUMP_STEP, BUMPS = 1.25, 11
 _BUMP = re.compile(rf"{BUMP}_(\d+(?:\.\d+)?)_m_before_the_(left|right)_foot")
-#: A vertex nearer to the base than this stands on it [m].
+#: A vertex nearer to the base than this stands on it [m]: finer than drawings are, and no rounding.
 ON_BASE_M = 1e-3
 
 

@@ -21,12 +21,14 @@ from inversion.back_analysis.deviations import property_changes, with_changes
 from inversion.estimation.forward import SectionSetup
 from inversion.problem.question import FixedProperty, calibrated_keys, material_key
 
-#: One standard deviation where nothing is known: as shares of the value, and as it is.
+#: One standard deviation where nothing is known, as shares of the value. By judgement: strengths
+#: scatter by a tenth to a half of their mean (`strength.CONTRAST_STD`), densities by far less.
 SHARES = {"cohesion_kpa": 0.25, "strength_ratio": 0.25, "density": 0.05}
-FRICTION_STD_DEG = 2.0
-#: Of the logarithm of stiffness.
-STIFFNESS_STD = math.log(3.0)
-#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
+#: The same of friction as it is, and of the logarithm of stiffness. By judgement: sands of one
+#: state differ by a few degrees, and moduli are seldom measured.
+FRICTION_STD_DEG, STIFFNESS_STD = 2.0, math.log(3.0)
+#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed: by
+#: judgement, more than of a surface (`assumption.RUNGS`), since soils are known less than drawings.
 RUNGS = (0.5, 1.0, 2.5)
 
 NOT_BELOW_NOTHING = ("cohesion_kpa", "strength_ratio", "friction_deg")

@@ -26,9 +26,12 @@ LATENESS = "late_liquefaction"
 #: K0 of soil laid down in layers is about 1 - sin(phi), 0.4 to 0.5, and up to 1 where it was
 #: compacted or preloaded; one standard deviation where nothing is known.
 RATIO_STD = 0.25
-#: Values of K0 that the stress of soil can have.
+#: Values of K0 that the stress of soil can have: active pressure at 42 deg, and, by judgement, soil
+#: that was heavily preloaded.
 LOWEST_K0, HIGHEST_K0 = 0.2, 1.5
-#: Times by which a zone may have been late [s], and the share of them in which it held its peak.
+#: Times by which a zone may have been late [s], each about three times that before, and the share
+#: of them in which it held its peak. By judgement: a part of a slide's duration to all of it, and a
+#: fall that is fast but no jump.
 DELAYS, HOLD = (2.0, 6.0, 20.0), 0.8
 
 

@@ -16,9 +16,12 @@ from inversion.estimation.data import Targets
 
 DATUM_SHIFT, DATUM_TILT = "datum_shift", "datum_tilt"
 
-#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
+#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed. By
+#: judgement: twice those of a drawing (`assumption.RUNGS`), as their prior holds them back, and no
+#: run is spent on them.
 RUNGS = (1.0, 2.0, 4.0)
 #: A levelling line needs this many elevations: the error of fewer is what their own std is for.
+#: Shift and tilt of it leave as many to contradict them as any answer (`Options.spare`).
 LEAST_ELEVATIONS = 4
 
 

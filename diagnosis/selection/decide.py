@@ -178,10 +178,10 @@ def not_enough(
     of_size = min(1.0, len(granted.tests) * min(other, default=1.0)) >= options.still_failing
     nearly = effects == 1 and left <= options.nearly_all and p >= options.nearly_failing
     # They also have a large error together, which would forgive nearly everything.
-    if effects > 1 and final.p_combined < options.several_failing:
-        return _failing(final)
-    if p < options.still_failing and not (nearly and of_size):
-        return _failing(granted)
+    several = effects > 1 and final.p_combined < options.several_failing
+    if several or (p < options.still_failing and not (nearly and of_size)):
+        failing = final if several else granted
+        return Reason(kind="tests_fail", of=failing.worst.name, numbers=[failing.p_combined])
     # A large false effect would forgive itself, since its error grows with it.
     if final.p_combined < options.still_failing and left > options.left_over:
         return Reason(kind="misfit_left", numbers=[left])
@@ -194,10 +194,6 @@ def not_enough(
         if left > options.held_out_left:
             return Reason(kind="held_out_left", numbers=[left])
     return None
-
-
-def _failing(found: Adequacy) -> Reason:
-    return Reason(kind="tests_fail", of=found.worst.name, numbers=[found.p_combined])
 
 
 def explains(tried_models: TriedModels, options: Options) -> bool:

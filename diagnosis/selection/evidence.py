@@ -25,7 +25,8 @@ from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
 from pipeline.ties import ranked
 
-#: Least share of a Gaussian that can lie within the bounds; below, the fit is at its bound anyway.
+#: Least share of a Gaussian that can lie within the bounds, so that its logarithm exists: -28,
+#: after which nothing is accepted; below, the fit is at its bound anyway.
 LEAST_SHARE = 1e-12
 
 

@@ -202,6 +202,7 @@ def test_suggest(folder, out, verdict_text, capsys):
     assert "measure next" in text and len(re.findall(r", to [\d.]+ m? ?s? +[\d.]+", text)) == 2
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on_and_gives_the_same_bytes(folder, tmp_path, verdict_text):
     command = [
         sys.executable,
