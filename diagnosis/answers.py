@@ -21,6 +21,7 @@ from diagnosis.hypotheses.hypothesis_file import (
     load_hypothesis,
     new_name,
 )
+from diagnosis.hypotheses.model import Proposing
 from diagnosis.reason import Reason
 from diagnosis.selection.explain import explain
 from diagnosis.selection.extend import check_addition, extend
@@ -52,6 +53,7 @@ from diagnosis.verdict.verdict_builder import (
     explain_document,
     verdict_document,
 )
+from inversion.back_analysis.deviations import LEFT_OUT
 from pipeline.cli import InputError
 
 
@@ -341,6 +343,12 @@ def tracked(session: Session) -> Track:
 
 
 def suggested(session: Session, count: int) -> Verdict:
-    """The verdict with the `count` measurements that would tell most; nothing is written."""
+    """The verdict with the `count` measurements that would tell most; nothing is written.
+
+    Raises:
+        InputError: none is proposed of a body in three dimensions.
+    """
+    if not isinstance(session.model, Proposing):
+        raise InputError(f"suggest: {session.case.folder}: {LEFT_OUT}")
     found = diagnose(session.model, session.options, session.say, count=count)
     return verdict_document(found, case=session.case.name, title=session.case.title)

@@ -21,6 +21,7 @@ from diagnosis.hypotheses.assumption import (
     LEVEL_STD,
     RUNGS,
     WORST_KNOWN_M,
+    AnySetup,
     Assumption,
     Found,
     Sensitivities,
@@ -28,7 +29,8 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from diagnosis.hypotheses.physics import candidate_of
-from geometry.scenes.scene import Point, Scene, scene_from_mapping
+from geometry.scenes.scene import Ground, Point, Scene, scene_from_mapping
+from geometry.scenes3d.scene3d import Terrain
 from geometry.sides import SIDES, Side
 from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effect
@@ -74,7 +76,7 @@ ON_BASE_M = 1e-3
 def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """What the ground may have been."""
     scene = setup.scene
-    found = [*_contacts(scene), *_below(scene)]
+    found = [*contacts(scene.ground), *_below(scene)]
     for side in _sides(setup):
         found += _beyond(scene, side)
     kept, left_out = [], {}
@@ -91,13 +93,13 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     return kept, left_out
 
 
-def _contacts(scene: Scene) -> list[Assumption]:
-    """Other contacts of soil and ground than the scene's."""
+def contacts(ground: Ground | Terrain) -> list[Assumption]:
+    """Other contacts of soil and ground than that of a section or a terrain."""
     bonded = switch_of(BONDED, "ground", "the soil was bonded to its base")
     rough = switch_of(ROUGH, "ground", "the soil slipped on its base by its own strength")
-    contact = scene.ground.contact
+    contact = ground.contact
     if contact == "coulomb":
-        own = float(scene.ground.friction_coefficient or 0.0)
+        own = float(ground.friction_coefficient or 0.0)
         found = [_contact(bonded, "no_slip"), _contact(rough, "rough")]
         return [*found, _coefficient(own)] if own > 0.0 else found
     friction = Candidate(
@@ -109,7 +111,9 @@ def _contacts(scene: Scene) -> list[Assumption]:
         high=1.0,
         ladder=SHARES,
     )
-    slipping = Assumption(friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a)))
+    slipping: Assumption = Assumption(
+        friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a))
+    )
     if contact == "rough":
         return [_contact(bonded, "no_slip"), slipping]
     return [_contact(rough, "rough"), _unbonded(), slipping]
@@ -154,10 +158,11 @@ def _coefficient(own: float) -> Assumption:
     return Assumption(candidate, lambda s, a: _touching(s, "coulomb", max(own + a, 0.0)))
 
 
-def _touching(setup: SectionSetup, contact: str, coefficient: float | None = None) -> SectionSetup:
-    changes = {"contact": contact, "friction_coefficient": coefficient}
-    scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
-    return setup.with_scene(scene)
+def _touching(setup: AnySetup, contact: str, coefficient: float | None = None) -> AnySetup:
+    changes, soil = {"contact": contact, "friction_coefficient": coefficient}, setup.soil
+    if isinstance(soil, Terrain):
+        return setup.with_soil(soil.model_copy(update=changes))
+    return setup.with_soil(soil.changed(ground=soil.ground.model_dump() | changes))
 
 
 def _below(scene: Scene) -> list[Assumption]:

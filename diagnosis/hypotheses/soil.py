@@ -9,16 +9,12 @@ from __future__ import annotations
 
 import math
 
-from diagnosis.hypotheses.assumption import (
-    Assumption,
-    Found,
-    Sensitivities,
-    slug,
-)
+from diagnosis.hypotheses.assumption import AnySetup, Assumption, Found, Sensitivities, slug
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Material, Scene
+from geometry.scenes3d.scene3d import Terrain
 from inversion.back_analysis.deviations import property_changes, with_changes
-from inversion.estimation.forward import SectionSetup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import FixedProperty, calibrated_keys, material_key
 
 #: One standard deviation where nothing is known, as shares of the value. By judgement: strengths
@@ -42,9 +38,9 @@ WORDS = {
 """Property -> what it is called, and the unit of the amplitude: stiffness as a logarithm."""
 
 
-def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
     """Properties that are not calibrated, by material, and by what the sensitivities list."""
-    scene = setup.scene
+    scene = setup.soil
     calibrated = calibrated_keys(setup.parameters.specs)
     found, stated = [], set()
     for one in sensitivities:
@@ -77,7 +73,9 @@ def default_std(soil: Material, key: str) -> float:
     return STIFFNESS_STD
 
 
-def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: str) -> Assumption:
+def _assumption(
+    scene: Scene | Terrain, zones: tuple[str, ...], key: str, std: float, of: str
+) -> Assumption:
     """Another value of one property of some zones; the amplitude is the difference.
 
     It is called after its material, or the sensitivity that lists it (`of`).
@@ -105,8 +103,8 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
         screened=True,
     )
 
-    def change(setup: SectionSetup, amplitude: float) -> SectionSetup:
-        changes = property_changes(setup.scene, zones, key, amplitude)
-        return setup.with_scene(with_changes(setup.scene, changes, candidate.name))
+    def change(setup: AnySetup, amplitude: float) -> AnySetup:
+        changes = property_changes(setup.soil, zones, key, amplitude)
+        return setup.with_soil(with_changes(setup.soil, changes, candidate.name))
 
     return Assumption(candidate, change)

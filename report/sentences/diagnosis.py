@@ -201,12 +201,18 @@ def worth_sentence(data: DiagnosisData) -> str:
     for p, (low, high) in zip(strengths, ends, strict=True):
         of = f" of {spoken(p.name)}" if len(strengths) > 1 else ""
         spans.append(f"{number(low)} to {with_unit(high, p.unit)}{of}")
+    settings = data.verdict.manifest.get("settings", {})
+    plane = (
+        " They were plane; of bodies there is no record."
+        if settings.get("engine") == "mpm3d"
+        else ""
+    )
     return (
         f"What this verdict has been worth: of {found.slides} slides made by other codes on which "
         f"it was given, {found.hidden} of them with something hidden, the residual strength was "
         f"off by {percent(found.half_off)} or less in half and by {percent(found.most_off)} or "
         f"less in nine of ten, which here is {', '.join(spans)}; its 95 % interval held it in "
-        f"{found.held}."
+        f"{found.held}.{plane}"
     )
 
 
