@@ -221,10 +221,10 @@ class Session:
             before = read_json(path)
             if isinstance(before, dict):
                 return before
-            trouble = f"{path}: must be a mapping of commands, not {type(before).__name__}"
+            kind = type(before).__name__
+            raise InputError(f"{path}: must be a mapping of commands, not {kind}")
         except InputError as error:
-            trouble = str(error)
-        self.say(f"{trouble}; it is rewritten")
+            self.say(f"{error}; it is rewritten")
         return {}
 
     def write_sections(self, base: State, final: State) -> None:
@@ -248,13 +248,6 @@ class Session:
             spacing=setup.scene.spacing,
             ground=np.asarray(setup.scene.ground.points),
             toes=toes,
-        )
-
-    def runs_line(self) -> str:
-        """How many forward runs it took."""
-        return (
-            f"{self.model.runs} forward runs (at most {self.config.diagnosis.max_runs}), "
-            f"{self.model.computed} of them simulated now, {self.seconds:.0f} s"
         )
 
 

@@ -50,7 +50,7 @@ from pipeline.files import working_in
 from pipeline.progress import Cancelled, Evaluated
 
 if TYPE_CHECKING:
-    from diagnosis.answers import Extended, Suggested, Track
+    from diagnosis.answers import Extended, Track
     from diagnosis.ranking import Ranked
     from diagnosis.session import Session
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
@@ -1226,8 +1226,8 @@ def track(session: Session) -> Track:
     return tracked(session)
 
 
-def suggest(session: Session, count: int) -> Suggested:
-    """Which measurements, `count` of them, would tell most after a diagnosis."""
+def suggest(session: Session, count: int) -> Verdict:
+    """The verdict, with the `count` measurements that would tell most; it is not written."""
     from diagnosis.answers import suggested
 
     return _timed(suggested(session, count), session, "suggest")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import math
 import subprocess
 import sys
 import tomllib
@@ -201,6 +202,61 @@ def test_only_reports_draw(path):
         if top(module) == "matplotlib":
             place = f"{relative(path)}:{node.lineno}: drawing belongs to report"
             assert path.relative_to(ROOT).parts[0] == "report", place
+
+
+#: Most words of a label: of what is fitted, of a stage, of a run that was left out.
+LABEL = 7
+#: What states reasons and candidates in words, as labels of the documents: longer, but no sentence.
+LONG_LABELS = "diagnosis/hypotheses/"
+#: Calls whose words are no finding: descriptions of a document's keys, errors, progress.
+OTHER_WORDS = {"Field", "InputError", "WorkFailed", "say"}
+
+
+def told(node: ast.AST) -> Iterator[tuple[str, int]]:
+    """Texts with their lines, a placeholder as `{}`; not docstrings, errors, progress, `Field`s."""
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return
+    if isinstance(node, ast.Call):
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        if name in OTHER_WORDS:
+            return
+    if isinstance(node, ast.Constant | ast.JoinedStr):
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [part.value if isinstance(part, ast.Constant) else "{}" for part in parts]
+        yield "".join(map(str, texts)), node.lineno
+        parts = [part for part in parts if isinstance(part, ast.FormattedValue)]
+    else:
+        parts = [] if isinstance(node, ast.Raise) else list(ast.iter_child_nodes(node))
+    for part in parts:
+        yield from told(part)
+
+
+def is_sentence(text: str, most: float = LABEL) -> bool:
+    """Several words with a full stop, or more than a label has; not the comment of a file."""
+    count, stopped = len(text.split()), ". " in f"{text.rstrip()} "
+    return not text.startswith("#") and (count > most or (stopped and count > 3))
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in FILES if relative(path).startswith("diagnosis/")], ids=relative
+)
+def test_a_diagnosis_writes_no_sentences(path):
+    """Its documents hold numbers and keys: `report/sentences` has the one wording of each."""
+    most = math.inf if relative(path).startswith(LONG_LABELS) else LABEL
+    found = [f"{line}: {text}" for text, line in told(tree_of(path)) if is_sentence(text, most)]
+    assert found == [], relative(path)
+
+
+def test_what_a_sentence_is():
+    tree = ast.parse(
+        '"""It says. What it does."""\n'
+        'raise ValueError(f"{path}: that is not what a model may be.")\n'
+        'say(f"{name}: chi2 falls from far above to {chi2} at last")\n'
+        'a = "the code that made the slide"\n'
+        'b = f"Only {name} explains {what}."\n'
+        'c = [f"{a} falls by {b:.1f} only; " f"{c:g} are asked for"]\n'
+    )
+    assert [line for text, line in told(tree) if is_sentence(text)] == [5, 6]
 
 
 def test_the_text_of_a_report_needs_no_drawing():

@@ -36,17 +36,6 @@ class Test:
     p: float
 
 
-def test_words(name: str) -> str:
-    """The name of a test in words."""
-    known = {
-        "chi2": "the size of all residuals",
-        "autocorrelation": "the correlation of neighbours along a series",
-        "score": "the best score of a candidate",
-        "held_out": "the held-out data",
-    }
-    return known.get(name) or f"the residuals of {name.removeprefix('group ')}"
-
-
 @dataclass(frozen=True)
 class GroupMisfit:
     """Misfit of one measurement: z (about normal for noise), sum of squares, its mean for noise."""
@@ -96,10 +85,9 @@ class Adequacy:
     dof: int
 
     @property
-    def p_words(self) -> str:
-        """Combined p, and the test that noise would pass least."""
-        worst = smallest(self.tests, lambda test: test.p, unit=0.0)
-        return f"p {self.p_combined:.2g}, by {test_words(worst.name)}"
+    def worst(self) -> Test:
+        """The test that noise would pass least."""
+        return smallest(self.tests, lambda test: test.p, unit=0.0)
 
 
 @dataclass(frozen=True)

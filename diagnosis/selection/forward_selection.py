@@ -71,7 +71,7 @@ def run_rounds(selection: Selection) -> None:
             best = selection.accepted(now.model, tried)
         if number == 0:
             for after in (tried_models.models[model.names] for model in tried):
-                reason = "" if after is best else why_not(now.model, after, options)
+                reason = None if after is best else why_not(now.model, after, options)
                 tried_models.first[after.names[0]] = (after, reason)
         if best is None and number == 0:
             best = _best_pair(selection)

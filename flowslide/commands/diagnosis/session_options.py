@@ -72,6 +72,15 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
         yield session
 
 
+def runs_line(session: Session) -> str:
+    """How many forward runs it took."""
+    model, most = session.model, session.config.diagnosis.max_runs
+    return (
+        f"{model.runs} forward runs (at most {most}), {model.computed} of them simulated now, "
+        f"{session.seconds:.0f} s"
+    )
+
+
 def write_page(arguments: argparse.Namespace, session: Session, composer: str) -> None:
     """Write the page with a function of `report.diagnosis`, where one is wanted."""
     if arguments.page == "yes":
