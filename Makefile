@@ -63,9 +63,10 @@ test-numerics: $(READY)
 	$(IN_VENV) python -m tests.processors
 
 # What `make test` has just run with few examples is run again with many, and nothing else twice.
-# The longest files begin first (tests/conftest.py).
+# The longest files begin first (tests/conftest.py). SELECT="slow and not long": what pytest selects.
+test-all: SELECT ?= slow or property
 test-all: $(READY)
-	HYPOTHESIS_PROFILE=large $(PYTEST) --no-loadscope-reorder -rfEsR --durations 30 -m "slow or property"
+	HYPOTHESIS_PROFILE=large $(PYTEST) --no-loadscope-reorder -rfEsR --durations 30 -m "$(SELECT)"
 
 verify: $(READY)
 	$(IN_VENV) python -m benchmarks.verification

@@ -21,6 +21,8 @@ from diagnosis.hypotheses.hypothesis_file import (
     load_hypothesis,
     new_name,
 )
+from diagnosis.hypotheses.model import Proposing
+from diagnosis.reason import Reason
 from diagnosis.selection.explain import explain
 from diagnosis.selection.extend import check_addition, extend
 from diagnosis.session import Session
@@ -42,7 +44,6 @@ from diagnosis.verdict.verdict import (
     EffectAnswer,
     ExplainDocument,
     MeasurementVerdict,
-    NextMeasurement,
     Verdict,
     WaterfallStep,
     save_document,
@@ -50,10 +51,9 @@ from diagnosis.verdict.verdict import (
 from diagnosis.verdict.verdict_builder import (
     compare_document,
     explain_document,
-    next_part,
-    sentence,
     verdict_document,
 )
+from inversion.back_analysis.deviations import LEFT_OUT
 from pipeline.cli import InputError
 
 
@@ -202,7 +202,7 @@ class Extended:
         asked: the session whose model was extended; effects that were fitted are fitted again.
         effects: of the new model, with their amplitudes.
         measurements: by the model before and by the new one.
-        why_not: the condition for acceptance that fails; empty if none does.
+        why_not: the condition for acceptance that fails; None if none does.
         before: error of the model before.
         after: error of the new model.
         file: of the new model.
@@ -211,7 +211,7 @@ class Extended:
     asked: Session
     effects: list[EffectAnswer]
     measurements: list[MeasurementVerdict]
-    why_not: str
+    why_not: Reason | None
     before: WaterfallStep
     after: WaterfallStep
     file: Path
@@ -306,12 +306,14 @@ class Track:
         notes: a note for each.
         by_hand: names of those that a person made, or asked for by name.
         not_judged: names of models whose error is not known yet.
+        outdated: names of those judged before the case or the settings changed.
     """
 
     steps: list[WaterfallStep]
     notes: list[str]
     by_hand: list[str]
     not_judged: list[str]
+    outdated: list[str]
 
 
 def tracked(session: Session) -> Track:
@@ -320,44 +322,33 @@ def tracked(session: Session) -> Track:
     Raises:
         InputError: none has been judged.
     """
-    steps, notes, hands, waiting = [], [], [], []
+    steps, notes, hands, waiting, outdated = [], [], [], [], []
     for name, path in hypothesis_files(session.folder).items():
         model, kept = load_hypothesis(path), kept_step(session.folder, name)
-        by_hand = model.by in ("engineer", "extend")
-        if by_hand:
+        if model.by in ("engineer", "extend"):
             hands.append(name)
         if kept is None:
             waiting.append(name)
             continue
-        note = model.notes.strip() or kept.step.note
-        if by_hand:
-            note = f"by hand: {note}"
         if kept.made_from != session.made_from(model):
-            note += " (outdated: case or settings have changed since)"
+            outdated.append(name)
         steps.append(kept.step)
-        notes.append(note)
+        notes.append(model.notes.strip() or kept.step.note)
     if not steps:
         raise InputError(
             f"{session.folder}: no model has been judged; begin with flowslide diagnose compare "
             f"{session.case.folder}"
         )
-    return Track(steps, notes, hands, waiting)
+    return Track(steps, notes, hands, waiting, outdated)
 
 
-@dataclass(frozen=True)
-class Suggested:
-    """What to measure next.
+def suggested(session: Session, count: int) -> Verdict:
+    """The verdict with the `count` measurements that would tell most; nothing is written.
 
-    Attributes:
-        sentence: the verdict that the measurements would sharpen.
-        measurements: the first by itself, each further one in addition to those before it.
+    Raises:
+        InputError: none is proposed of a body in three dimensions.
     """
-
-    sentence: str
-    measurements: list[NextMeasurement]
-
-
-def suggested(session: Session, count: int) -> Suggested:
-    """The `count` measurements that would tell most; nothing is written."""
+    if not isinstance(session.model, Proposing):
+        raise InputError(f"suggest: {session.case.folder}: {LEFT_OUT}")
     found = diagnose(session.model, session.options, session.say, count=count)
-    return Suggested(sentence(found), next_part(found.next_measurement))
+    return verdict_document(found, case=session.case.name, title=session.case.title)

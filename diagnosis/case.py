@@ -7,25 +7,27 @@ perhaps a hypothesis. Out: a `DiagnosisCase`. Whatever is wrong with the questio
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from diagnosis.hypotheses.engine_model import EngineModel, Numerics
+from diagnosis.hypotheses.engine_model import EngineModel, Numerics, RunModel
 from diagnosis.hypotheses.hypothesis_file import Hypothesis
 from diagnosis.hypotheses.registry import assumed_otherwise
 from diagnosis.options import Options, seed_of
 from diagnosis.question import FILE_NAME, DiagnosisQuestion, load_diagnosis_question
 from geometry.case import SCENE_FILE, Case, load_case
+from geometry.scenes.scene import scene_hash
 from geometry.survey.blow_counts import FILE_NAME as BLOW_COUNTS_FILE
-from geometry.survey.measured import Measured
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
-from geometry.survey.measurements import Measurements, check_places
+from geometry.survey.measurements import check_places
+from geometry.survey.quantity import Quantity
 from inversion.engines.registry import MPM, Engine
-from inversion.engines.run_store import RunStore
+from inversion.engines.run_store import RunStore, Store
 from inversion.estimation.data import Role, Targets, make_targets
-from inversion.estimation.forward import SectionSetup
+from inversion.estimation.forward import SectionSetup, Setup
 from inversion.estimation.hold_out import split
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.layers import with_relation_priors
@@ -33,26 +35,62 @@ from inversion.problem.question import FILE_NAME as INVERSION_FILE
 from inversion.problem.question import Question, check_zones, load_question
 from mpm_taichi.effects import effect, effects, effects_on
 from pipeline.cli import InputError
+from pipeline.config import Config
 
-#: Forward runs at the fits themselves, for the pictures.
+#: Forward runs at the fits themselves, for the pictures: of the base model and of the answer.
 FOR_PICTURES = 2
 
 
-@dataclass(frozen=True)
-class DiagnosisCase(Case):
-    """A case and what is asked of its diagnosis.
+class Diagnosed(ABC):
+    """A case, a section or a body, and what is asked of its diagnosis.
 
     Attributes:
+        folder: of the case.
+        config: settings in force.
         inversion: the calibrated parameters, as in `inversion.yaml`.
         question: as in `diagnosis.yaml`.
-        setup: section, settings, parameters and measurements of the base model.
+        setup: what slides, settings, parameters and measurements of the base model.
         validation_case: the case that judges the answer; None where `diagnosis.yaml` names none.
     """
 
+    folder: Path
+    config: Config
     inversion: Question
     question: DiagnosisQuestion
-    setup: SectionSetup
-    validation_case: DiagnosisCase | None = None
+    setup: Setup
+    validation_case: DiagnosisCase | None
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Name of the folder."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """The name in words."""
+
+    @property
+    @abstractmethod
+    def files(self) -> list[Path]:
+        """Files the diagnosis was made from."""
+
+    @property
+    @abstractmethod
+    def scene_hash(self) -> str:
+        """Of what slides, at the spacing in force."""
+
+    @abstractmethod
+    def model(self, store: Store, engine: Engine = MPM) -> RunModel:
+        """A forward engine as the model of this case.
+
+        Raises:
+            InputError: the question names an effect that does not exist.
+        """
+
+    @abstractmethod
+    def again(self, spacing_m: float | None, hypothesis: Hypothesis | None) -> Diagnosed:
+        """The same case with another hypothesis, None: its base model; spacing as first asked."""
 
     @property
     def source(self) -> str:
@@ -64,34 +102,13 @@ class DiagnosisCase(Case):
         """Effect -> mean and standard deviation of its amplitude."""
         return {name: (prior.mean, prior.std) for name, prior in self.question.priors.items()}
 
-    def model(self, store: RunStore, engine: Engine = MPM) -> EngineModel:
-        """A forward engine as the model of this case.
-
-        Raises:
-            InputError: the question names an effect that does not exist.
-        """
+    @property
+    def numerics(self) -> Numerics:
+        """How the model's own error is measured."""
         settings = self.config.diagnosis
-        model = EngineModel(
-            self.setup,
-            store,
-            engine=engine,
-            sensitivities=self.inversion.sensitivities,
-            numbers=self.question.parameters,
-            priors=self.priors,
-            numerics=Numerics(settings.noise_jitter, settings.second_transfer, settings.finer),
-            finite_width=settings.finite_width,
-        )
-        known = [*(c.name for c in model.candidates), *model.left_out]
-        for key, names in self.question.named_effects.items():
-            for name in names:
-                if name not in known and model.add_placed(name) is None:
-                    raise InputError(
-                        f"{self.source}: {key}: no effect {name!r}; there are "
-                        f"{', '.join(sorted(known))}"
-                    )
-        return model
+        return Numerics(settings.noise_jitter, settings.second_transfer, settings.finer)
 
-    def options(self, model: EngineModel) -> Options:
+    def options(self, model: RunModel) -> Options:
         """What the statistics know of the effects that can act here."""
         settings, question = self.config.diagnosis, self.question
         acting = {candidate.name for candidate in model.candidates}
@@ -120,7 +137,7 @@ class DiagnosisCase(Case):
             refitted=settings.refitted,
         )
 
-    def left_out(self, model: EngineModel) -> dict[str, str]:
+    def left_out(self, model: RunModel) -> dict[str, str]:
         """Effects that are not tested, and why: they cannot act here, or an engineer knows better.
 
         Those that are merely not asked for are not among them.
@@ -134,13 +151,55 @@ class DiagnosisCase(Case):
             **ruled_out,
         }
 
+
+@dataclass(frozen=True)
+class DiagnosisCase(Case, Diagnosed):
+    """A section and what is asked of its diagnosis; attributes as of `Diagnosed`."""
+
+    inversion: Question
+    question: DiagnosisQuestion
+    setup: SectionSetup
+    validation_case: DiagnosisCase | None = None
+
+    def model(self, store: Store, engine: Engine = MPM) -> EngineModel:
+        """See `Diagnosed`."""
+        assert isinstance(store, RunStore)
+        model = EngineModel(
+            self.setup,
+            store,
+            engine=engine,
+            sensitivities=self.inversion.sensitivities,
+            numbers=self.question.parameters,
+            priors=self.priors,
+            numerics=self.numerics,
+            finite_width=self.config.diagnosis.finite_width,
+        )
+        known = [*(c.name for c in model.candidates), *model.left_out]
+        for key, names in self.question.named_effects.items():
+            for name in names:
+                if name not in known and model.add_placed(name) is None:
+                    raise InputError(
+                        f"{self.source}: {key}: no effect {name!r}; there are "
+                        f"{', '.join(sorted(known))}"
+                    )
+        return model
+
     @cached_property
     def files(self) -> list[Path]:
-        """Files the diagnosis was made from."""
+        """See `Diagnosed`."""
         names = (SCENE_FILE, MEASUREMENTS_FILE, BLOW_COUNTS_FILE, INVERSION_FILE, FILE_NAME)
         found = [self.folder / name for name in names]
         found += [self.folder / file for e in self.setup.targets.entries for file in e.files]
         return [path for path in dict.fromkeys(found) if path.is_file()]
+
+    @property
+    def scene_hash(self) -> str:
+        """See `Diagnosed`."""
+        return scene_hash(self.scene)
+
+    def again(self, spacing_m: float | None, hypothesis: Hypothesis | None) -> DiagnosisCase:
+        """See `Diagnosed`."""
+        return diagnosis_case(self, spacing_m=spacing_m, hypothesis=hypothesis)
 
 
 def diagnosis_case(
@@ -180,9 +239,9 @@ def diagnosis_case(
         check_zones(inversion, scene, f"{source}: {folder / INVERSION_FILE}")
     inversion = with_relation_priors(inversion, case, str(folder / INVERSION_FILE))
     effects_on(case.scene, source)
-    targets = _targets(measurements, question, folder)
+    targets = targets_of(measurements.chosen(), question, folder, folder / MEASUREMENTS_FILE)
     parameters = Parameters(inversion.parameters)
-    _check_freedom(targets, parameters, question, folder)
+    check_freedom(targets, parameters, question, folder / MEASUREMENTS_FILE)
     setup = SectionSetup(case.scene, case.simulation, parameters, targets, case.feet)
     if hypothesis is not None:
         amplitudes = {name: one.amplitude for name, one in hypothesis.effects.items()}
@@ -219,13 +278,14 @@ def _validation_case(question: DiagnosisQuestion, case: Case) -> DiagnosisCase |
     return other
 
 
-def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Path) -> Targets:
-    """All measurements of the default set; constructed ones are not used."""
+def targets_of(
+    entries: Sequence[Quantity], question: DiagnosisQuestion, folder: Path, measured: Path
+) -> Targets:
+    """Measurements of a folder, from its file `measured`; constructed ones are not used."""
     source = str(folder / FILE_NAME)
-    entries: Sequence[Measured] = measurements.chosen()
     if question.held_out is not None:
         entries = [entry.without_hold_out() for entry in entries]
-    targets = make_targets(entries, fit=None, loss="misfit", source=str(folder / MEASUREMENTS_FILE))
+    targets = make_targets(entries, fit=None, loss="misfit", source=str(measured))
     try:
         fitted = split(targets, question.held_out).fitted
     except InputError as error:
@@ -240,8 +300,8 @@ def _targets(measurements: Measurements, question: DiagnosisQuestion, folder: Pa
     return replace(targets, roles=roles)
 
 
-def _check_freedom(
-    targets: Targets, parameters: Parameters, question: DiagnosisQuestion, folder: Path
+def check_freedom(
+    targets: Targets, parameters: Parameters, question: DiagnosisQuestion, measured: Path
 ) -> None:
     """Something must be left to test the model by once the parameters are fitted."""
     found = split(targets, question.held_out)
@@ -249,7 +309,7 @@ def _check_freedom(
     numbers, unknowns = int(found.fitted.sum()), len(parameters.specs)
     if numbers + known < unknowns and not found.held_out.any() and not targets.censored.any():
         raise InputError(
-            f"{folder / MEASUREMENTS_FILE}: measured numbers: {numbers}, unknowns: {unknowns}; "
+            f"{measured}: measured numbers: {numbers}, unknowns: {unknowns}; "
             "nothing is left to test the model by: add a measurement"
         )
 

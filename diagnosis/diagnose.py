@@ -26,7 +26,7 @@ from diagnosis.selection.unknown_curve import FoundCurve, find_curve
 
 Say = Callable[[str], None]
 
-#: Measurements that a verdict suggests.
+#: Measurements that a verdict suggests. By judgement: who can make more asks for more (`count`).
 NEXT = 3
 
 

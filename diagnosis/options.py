@@ -96,10 +96,10 @@ class Options:
     draws: int = 4000
     starts: int = 3
     rounds: int = 3
-    spare: int = 2
+    spare: int = 2  # by judgement: one alone is met by chance too often
     # Of all tests together: five single tests at 0.05 give a fifth of false alarms.
     alarm: float = 0.05
-    suspect: float = 0.20
+    suspect: float = 0.20  # by judgement: what a fifth of sound models reach is no alarm
     still_failing: float = 0.05
     # No law is exact, and of a large misfit a little shows. With 0.2 two more names of opened
     # slides were right, but Lower San Fernando was explained while its duration was off by 28 s.
@@ -110,21 +110,24 @@ class Options:
     several_failing: float = 0.01
     # The error of an effect grows with the effect: a large false one would forgive itself.
     left_over: float = 0.2
+    # By judgement: what predicts more than half of what it never saw has understood something.
     held_out_left: float = 0.5
     held_out_failing: float = 0.01
     # With no rise allowed, one of three right names of a test slide was lost by a rise of 0.8.
     held_out_rise: float = 4.0
+    # By judgement: a score is linear, so that the best may come fourth; each takes ten runs.
     refitted: int = 4
+    # Of such a double a tenth of |s|^2 is left to tell it by, of the next a third.
     inseparable: float = 0.95
     hardly_separable: float = 0.8
-    same_signature: float = 0.9
+    same_signature: float = 0.9  # by judgement: a tenth of |s|^2 of one run is then noise
     least_gain: float = 2.3  # ten times as probable
-    least_drop: float = 6.0
-    worse_held_out: float = 0.5
-    drop_below: float = 1.0
+    least_drop: float = 6.0  # of noise alone one amplitude in 70 takes as much
+    worse_held_out: float = 0.5  # by judgement: half of a gain has to stand on what was not fitted
+    drop_below: float = 1.0  # by judgement: a factor of 2.7, within the error of a derivative
     credible: float = 0.9
     deserved: float = 0.8
-    detectable: float = 3.3
+    detectable: float = 3.3  # with this `least_drop` is reached in four cases of five
 
     @property
     def wants_finer(self) -> bool:

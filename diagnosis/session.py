@@ -22,8 +22,9 @@ import diagnosis
 import geometry
 import inversion
 import mpm_taichi
-from diagnosis.case import DiagnosisCase, diagnosis_case
-from diagnosis.hypotheses.engine_model import EngineModel
+from diagnosis.body_diagnosis import body_diagnosis
+from diagnosis.case import Diagnosed, diagnosis_case
+from diagnosis.hypotheses.engine_model import EngineModel, RunModel
 from diagnosis.hypotheses.hypothesis_file import (
     BASE,
     FOLDER,
@@ -37,10 +38,11 @@ from diagnosis.ranking import Ranked, Ranking
 from diagnosis.verdict.sections_file import save_sections
 from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
 from geometry.case import Case
-from geometry.scenes.scene import scene_hash
 from geometry.sides import outward_of
+from inversion.back_analysis.body_case import BodyCase
 from inversion.engines.registry import MPM, Engine
-from inversion.engines.run_store import OnRun, RunStore
+from inversion.engines.run_store import OnRun, RunStore, Store
+from inversion.estimation.forward import SectionSetup
 from inversion.problem.state import State
 from pipeline.cli import InputError
 from pipeline.config import Config
@@ -52,7 +54,7 @@ TIMING = "timing.json"
 #: the base model and its errors, each hypothesis, and the search where the base model fails.
 FOR_THE_FIT, FOR_EACH, FOR_THE_SEARCH = 40, 2.5, 250
 HASH_DIGITS = 16
-"""Of the hashes of the case's files that a verdict names."""
+"""Of the hashes of the case's files that a verdict names: 64 bits tell any two files apart."""
 
 Document = TypeVar("Document", CompareDocument, ExplainDocument, Verdict)
 
@@ -74,10 +76,10 @@ class Session:
         ranked: called with the ranking of the hypotheses as it grows; None: nobody watches.
     """
 
-    case: DiagnosisCase
+    case: Diagnosed
     config: Config
     folder: Path
-    store: RunStore
+    store: Store
     hypothesis_name: str
     hypothesis: Hypothesis | None
     say: Callable[[str], None]
@@ -87,7 +89,7 @@ class Session:
     began: float = field(default_factory=time.perf_counter)
 
     @cached_property
-    def model(self) -> EngineModel:
+    def model(self) -> RunModel:
         """The model as the statistics see it."""
         return self.case.model(self.store, self.engine)
 
@@ -120,7 +122,7 @@ class Session:
         """The same question asked of the base model."""
         if self.is_base:
             return self
-        case = diagnosis_case(self.case, spacing_m=self.spacing_m)
+        case = self.case.again(self.spacing_m, None)
         return replace(self, case=case, hypothesis_name=BASE, hypothesis=None)
 
     @property
@@ -132,7 +134,7 @@ class Session:
     def hashes(self) -> dict[str, str]:
         """Of all that went in."""
         found = {path.name: file_hash(path)[:HASH_DIGITS] for path in self.case.files}
-        found["scene at this spacing"] = scene_hash(self.case.scene)[:16]
+        found["scene at this spacing"] = self.case.scene_hash[:16]
         found["settings of the simulation"] = content_hash(self.case.setup.settings)
         if self.hypothesis is not None:
             found["hypothesis"] = content_hash(self.hypothesis)
@@ -155,7 +157,7 @@ class Session:
                 "diagnosis": self.config.diagnosis.model_dump(mode="json"),
                 "simulation": self.case.setup.settings.model_dump(mode="json"),
                 "synthetic": self.options.synthetic,
-                "spacing_m": self.case.scene.spacing,
+                "spacing_m": self.case.setup.scene.spacing,
                 **({} if self.engine is MPM else {"engine": self.engine.name}),
             },
             "seeds": {"noise": self.options.seed},
@@ -187,7 +189,7 @@ class Session:
         assert self.hypothesis is not None
         kept = {n: e for n, e in self.hypothesis.effects.items() if n not in effects}
         model = self.hypothesis.model_copy(update={"effects": kept})
-        case = diagnosis_case(self.case, spacing_m=self.spacing_m, hypothesis=model)
+        case = self.case.again(self.spacing_m, model)
         return replace(self, case=case, hypothesis=model)
 
     def timeless(self, document: Document) -> Document:
@@ -219,18 +221,20 @@ class Session:
             before = read_json(path)
             if isinstance(before, dict):
                 return before
-            trouble = f"{path}: must be a mapping of commands, not {type(before).__name__}"
+            kind = type(before).__name__
+            raise InputError(f"{path}: must be a mapping of commands, not {kind}")
         except InputError as error:
-            trouble = str(error)
-        self.say(f"{trouble}; it is rewritten")
+            self.say(f"{error}; it is rewritten")
         return {}
 
     def write_sections(self, base: State, final: State) -> None:
         """Write the points before and after the slide, for the pictures, if the engine has any."""
-        if not self.model.keeps_runs:
+        model, setup = self.model, self.case.setup
+        if not (isinstance(model, EngineModel) and isinstance(setup, SectionSetup)):
             return
-        before, after = self.model.points(base), self.model.points(final)
-        setup = self.case.setup
+        if not model.keeps_runs:
+            return
+        before, after = model.points(base), model.points(final)
         toes = {
             entry.name: (float(setup.foot[side]), float(outward_of(side)))
             for entry in setup.targets.entries
@@ -246,13 +250,6 @@ class Session:
             toes=toes,
         )
 
-    def runs_line(self) -> str:
-        """How many forward runs it took."""
-        return (
-            f"{self.model.runs} forward runs (at most {self.config.diagnosis.max_runs}), "
-            f"{self.model.computed} of them simulated now, {self.seconds:.0f} s"
-        )
-
 
 def describe(state: State) -> str:
     """A state in a line."""
@@ -266,7 +263,7 @@ def describe(state: State) -> str:
 
 
 def open_session(
-    case: Case,
+    case: Case | BodyCase,
     *,
     out: str | Path | None = None,
     hypothesis: str | None = None,
@@ -280,9 +277,9 @@ def open_session(
     """Read everything a diagnosis needs, before the first simulation.
 
     Args:
-        case: with measurements.
+        case: with measurements; a section, or a body in three dimensions.
         out: folder of the results; None: `<results_folder>/<case>/diagnosis`, of another engine
-            `diagnosis_direct`.
+            `diagnosis_direct`, of a body `diagnosis_on_maps`.
         hypothesis: a file to go on from, or its name in `hypotheses/` of the folder; None: the
             base model.
         spacing_m: of material points; None: the case's own.
@@ -295,7 +292,7 @@ def open_session(
     Raises:
         InputError: one line with file, field, value and what is allowed.
     """
-    own = f"diagnosis{engine.suffix}"
+    own = "diagnosis_on_maps" if isinstance(case, BodyCase) else f"diagnosis{engine.suffix}"
     folder = Path(out or Path(case.config.results_folder) / case.name / own)
     if (folder / "models").is_dir() and not (folder / FOLDER).is_dir():
         say(f"{folder / 'models'}: is not read any more; rename it to {FOLDER}")
@@ -304,6 +301,13 @@ def open_session(
         name, path = find_hypothesis(folder, hypothesis)
         model, origin = load_hypothesis(path), str(path)
         check_parent(model, path, folder)
-    asked = diagnosis_case(case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin)
-    store = RunStore(folder / "runs", threads=threads, on_run=on_run)
+    asked: Diagnosed
+    if isinstance(case, BodyCase):
+        asked = body_diagnosis(case, spacing_m=spacing_m, hypothesis=model, source=origin)
+    else:
+        asked = diagnosis_case(
+            case, spacing_m=spacing_m, hypothesis=model, hypothesis_source=origin
+        )
+    plain = RunStore(folder / "runs", threads=threads, on_run=on_run)
+    store = engine.store_of(asked.folder, asked.setup, plain)
     return Session(asked, case.config, folder, store, name, model, say, spacing_m, engine, ranked)

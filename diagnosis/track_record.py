@@ -28,6 +28,7 @@ Verdicts = Literal["adequate", "suspect", "identified", "ambiguous", "unknown_ef
 FILE = Path(__file__).parent / "track_record.yaml"
 NAMES = Path(__file__).parent / "names.yaml"
 #: Least 1 - c^2 and p that are told apart: beyond, signatures and misfits are as good as the same.
+#: By judgement: such a p is 4 of 4,000 draws.
 LEAST = 1e-3
 
 

@@ -50,7 +50,7 @@ from pipeline.files import working_in
 from pipeline.progress import Cancelled, Evaluated
 
 if TYPE_CHECKING:
-    from diagnosis.answers import Extended, Suggested, Track
+    from diagnosis.answers import Extended, Track
     from diagnosis.ranking import Ranked
     from diagnosis.session import Session
     from diagnosis.verdict.verdict import CompareDocument, ExplainDocument, Verdict
@@ -58,10 +58,12 @@ if TYPE_CHECKING:
     from geometry.scenes3d.scene3d import Scene3d
     from inversion.back_analysis.asked import Asked
     from inversion.back_analysis.back_analysis import BackAnalysis
+    from inversion.back_analysis.body_case import BodyCase
     from inversion.back_analysis.by_engine import Choice
     from inversion.back_analysis.result import Result
     from inversion.classical.analysis import Analysis
     from inversion.classical.sections_of_case import CaseSections
+    from inversion.engines.registry import Engine
     from inversion.joint.document import JointDocument
     from inversion.posterior.document import PosteriorDocument
     from inversion.prediction.known_strength import KnownStrength
@@ -988,11 +990,11 @@ def analysed_classically(
 @contextmanager
 def open_session(
     what: str,
-    case: Place | Case | Session,
+    case: Place | Case | BodyCase | Session,
     *,
     out: Place | None = None,
     hypothesis: str | None = None,
-    engine: str = "mpm",
+    engine: str | None = None,
     spacing_m: float | None = None,
     ranked: Ranked | None = None,
     **options: Unpack[DiagnosisOptions],
@@ -1001,29 +1003,35 @@ def open_session(
 
     Args:
         what: the stage, for the progress.
-        case: with a section, measurements and a question.
+        case: with a section, measurements and a question; or a body, as of `back_analyse`.
         out: None: the results are not kept.
+        engine: None: "mpm", of a body "mpm3d".
         ranked: called with the ranking of the hypotheses as it grows; None: nobody watches.
         options: see above; the total of the progress is what such a question usually takes.
 
     Raises:
         InputError: bad input.
+
+    Examples:
+        >>> with open_session("diagnosis", "la_marquesa", spacing_m=1.0) as session:
+        ...     on_trial = session.model.candidates
+        >>> [one.name for one in on_trial if one.family == "water"][1:4]
+        ['pool_level', 'no_water', 'water_as_weight']
     """
     from diagnosis.session import Session, open_session
-    from inversion.engines.registry import of_section
 
     if isinstance(case, Session):
         yield case
         return
     run = Call.of(DiagnosisOptions, options)
     with run.folder(out) as folder:
-        found = run.case(case)
+        found, chosen = _to_diagnose(case, run, engine)
         session = open_session(
             found,
             out=folder,
             hypothesis=hypothesis,
             spacing_m=spacing_m,
-            engine=of_section(engine),
+            engine=chosen,
             threads=run.threads,
             say=run.watch.say,
             on_run=run.watch.run_done,
@@ -1034,6 +1042,31 @@ def open_session(
             yield session
 
 
+def _to_diagnose(
+    case: Place | Case | BodyCase, run: Call, engine: str | None
+) -> tuple[Case | BodyCase, Engine]:
+    """A section or a body, and what predicts it.
+
+    Raises:
+        InputError: bad input, or what three dimensions do not have.
+    """
+    from geometry.case import Case
+    from geometry.scenes3d.scene3d import is_body
+    from inversion.back_analysis.body_case import BodyCase
+    from inversion.back_analysis.by_engine import untrained_engine
+    from inversion.engines.registry import REFERENCE, of_section
+
+    if not isinstance(case, BodyCase) and (isinstance(case, Case) or not is_body(case)):
+        return run.case(case), of_section(engine or REFERENCE)
+    body: Any = case
+    if not isinstance(case, BodyCase):
+        body = load_question(case, settings=run.settings)
+    for option, given in (("effects", run.effect_files), ("measurements", run.measurement_files)):
+        if given:
+            raise InputError(f"{option} of your own: not in three dimensions ({body.folder})")
+    return body, untrained_engine(body, engine)
+
+
 def _timed(found: Answer, session: Session, question: str) -> Answer:
     """What was found, when the time that it took is written as well."""
     session.write_timing(question)
@@ -1041,11 +1074,11 @@ def _timed(found: Answer, session: Session, question: str) -> Answer:
 
 
 def diagnose(
-    case: Place | Case | Session,
+    case: Place | Case | BodyCase | Session,
     *,
     out: Place | None = None,
     hypothesis: str | None = None,
-    engine: str = "mpm",
+    engine: str | None = None,
     spacing_m: float | None = None,
     ranked: Ranked | None = None,
     **options: Unpack[DiagnosisOptions],
@@ -1053,8 +1086,8 @@ def diagnose(
     """Say whether the model of a case explains its measurements, and which effect it lacks if not.
 
     Args:
-        case: with a section, measurements and a question; or what `open_session` gives, which has
-            everything else already.
+        case: with a section or a body, measurements and a question; or what `open_session` gives,
+            which has everything else already.
         out: `verdict.json`, `sections.npz` and the hypotheses are written there.
         ranked: called with all hypotheses looked at so far, the best first, whenever the ranking
             has changed (`diagnosis.ranking.Standing`); of a session that is open its own is called.
@@ -1084,19 +1117,19 @@ def diagnose(
 
 
 def compare(
-    case: Place | Case | Session,
+    case: Place | Case | BodyCase | Session,
     *,
     out: Place | None = None,
     hypothesis: str | None = None,
-    engine: str = "mpm",
+    engine: str | None = None,
     spacing_m: float | None = None,
     **options: Unpack[DiagnosisOptions],
 ) -> CompareDocument:
     """Calibrate the model of a case, and test whether it explains the measurements.
 
     Args:
-        case: with a section, measurements and a question; or what `open_session` gives, which has
-            everything else already.
+        case: with a section or a body, measurements and a question; or what `open_session` gives,
+            which has everything else already.
         out: `compare.json`, `sections.npz` and the hypothesis are written there.
         options: see above; the total of the progress is what such a question usually takes.
 
@@ -1109,7 +1142,7 @@ def compare(
         Cancelled: the caller asked for it.
 
     Examples:
-        >>> judged = compare("lower_san_fernando", spacing_m=3.0, threads=1)
+        >>> judged = compare("lower_san_fernando", out="lsf", spacing_m=3.0, threads=1)
         >>> judged.alarm
         'alarm'
     """
@@ -1128,11 +1161,11 @@ def compare(
 
 
 def explain(
-    case: Place | Case | Session,
+    case: Place | Case | BodyCase | Session,
     *,
     out: Place | None = None,
     hypothesis: str | None = None,
-    engine: str = "mpm",
+    engine: str | None = None,
     spacing_m: float | None = None,
     ranked: Ranked | None = None,
     **options: Unpack[DiagnosisOptions],
@@ -1140,8 +1173,8 @@ def explain(
     """Rank the effects that would explain the misfit of a case, and say what cannot be told apart.
 
     Args:
-        case: with a section, measurements and a question; or what `open_session` gives, which has
-            everything else already.
+        case: with a section or a body, measurements and a question; or what `open_session` gives,
+            which has everything else already.
         out: `explain.json` and `sections.npz` are written there.
         ranked: called with all hypotheses looked at so far, the best first, whenever the ranking
             has changed (`diagnosis.ranking.Standing`); of a session that is open its own is called.
@@ -1179,14 +1212,22 @@ def extend(session: Session, add: str, notes: str = "") -> Extended:
 
 
 def track(session: Session) -> Track:
-    """The error over the models of a session so far. Nothing is simulated."""
+    """The error over the models of a session so far. Nothing is simulated.
+
+    Examples:
+        >>> with open_session("comparison", "lower_san_fernando", out="lsf", spacing_m=3.0) as one:
+        ...     judged = compare(one)
+        ...     steps = track(one).steps
+        >>> [(step.hypothesis, step.dof) for step in steps]
+        [('00_base', 3)]
+    """
     from diagnosis.answers import tracked
 
     return tracked(session)
 
 
-def suggest(session: Session, count: int) -> Suggested:
-    """Which measurements, `count` of them, would tell most after a diagnosis."""
+def suggest(session: Session, count: int) -> Verdict:
+    """The verdict, with the `count` measurements that would tell most; it is not written."""
     from diagnosis.answers import suggested
 
     return _timed(suggested(session, count), session, "suggest")

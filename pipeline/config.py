@@ -781,6 +781,10 @@ def load_config(path: str | os.PathLike[str] | None, overrides: Sequence[str] = 
 
     Raises:
         InputError: one line with the file, the field, its value and what is allowed.
+
+    Examples:
+        >>> load_config(None, ["simulation.duration_s=30"]).simulation.duration_s
+        30.0
     """
     values = Config().model_dump(mode="json")
     origin = "--set"

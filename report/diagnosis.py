@@ -17,6 +17,7 @@ from report.data.diagnosis import DiagnosisData, Document, load_diagnosis
 from report.numbers import plural, root_mean_square
 from report.page import PageSection, Part, folded, said, shown, tabulated, write_page
 from report.sentences import diagnosis as words
+from report.sentences.finding import candidate_sentence, headline, lead
 from report.table import plain
 from report.tables import checklist
 from report.tables import diagnosis as tables
@@ -84,7 +85,7 @@ def write_track(
 
 def _write(data: DiagnosisData, name: str, about: str) -> Path:
     page = data.folder / name
-    write_page(page, f"{data.document.title}: {about}", sections(data), lead=words.lead(data))
+    write_page(page, f"{data.document.title}: {about}", sections(data), lead=lead(data))
     return page
 
 
@@ -94,7 +95,7 @@ def _write(data: DiagnosisData, name: str, about: str) -> Path:
 def summary(document: Document, folder: str | Path) -> str:
     """A verdict, a comparison or an explanation in a folder, for a terminal or a log."""
     data = DiagnosisData(Path(folder), document)
-    verdict, heading = data.verdict, document.sentence
+    verdict, heading = data.verdict, headline(document)
     if verdict is not None:
         heading = f"{verdict.verdict.replace('_', ' ').upper()}. {heading}"
     parts = [heading]
@@ -193,7 +194,6 @@ def _answer(data: DiagnosisData) -> PageSection:
     sentences = [
         *words.answer_sentences(data),
         words.worth_sentence(data),
-        words.fall_sentence(data),
         words.bound_sentence(data),
         words.validation_sentence(data),
         words.tested_sentence(data),
@@ -269,7 +269,7 @@ def _effects(data: DiagnosisData) -> PageSection:
     parts = shown(
         draw_effects(data, data.folder / "effects.svg"),
         "Bars of the expected and achieved reduction, one row for each effect.",
-        words.candidate_sentence(data),
+        candidate_sentence(data) if data.verdict else "",  # of an explanation it leads the page
         "Pale: the reduction of chi² expected from the score. Dark: the reduction after refitting "
         "parameters and amplitude. Next to the bar: the amplitude, and the probability that noise "
         "gives any of the candidates so high a score.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import math
 import subprocess
 import sys
 import tomllib
@@ -203,6 +204,61 @@ def test_only_reports_draw(path):
             assert path.relative_to(ROOT).parts[0] == "report", place
 
 
+#: Most words of a label: of what is fitted, of a stage, of a run that was left out.
+LABEL = 7
+#: What states reasons and candidates in words, as labels of the documents: longer, but no sentence.
+LONG_LABELS = "diagnosis/hypotheses/"
+#: Calls whose words are no finding: descriptions of a document's keys, errors, progress.
+OTHER_WORDS = {"Field", "InputError", "WorkFailed", "say"}
+
+
+def told(node: ast.AST) -> Iterator[tuple[str, int]]:
+    """Texts with their lines, a placeholder as `{}`; not docstrings, errors, progress, `Field`s."""
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return
+    if isinstance(node, ast.Call):
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        if name in OTHER_WORDS:
+            return
+    if isinstance(node, ast.Constant | ast.JoinedStr):
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [part.value if isinstance(part, ast.Constant) else "{}" for part in parts]
+        yield "".join(map(str, texts)), node.lineno
+        parts = [part for part in parts if isinstance(part, ast.FormattedValue)]
+    else:
+        parts = [] if isinstance(node, ast.Raise) else list(ast.iter_child_nodes(node))
+    for part in parts:
+        yield from told(part)
+
+
+def is_sentence(text: str, most: float = LABEL) -> bool:
+    """Several words with a full stop, or more than a label has; not the comment of a file."""
+    count, stopped = len(text.split()), ". " in f"{text.rstrip()} "
+    return not text.startswith("#") and (count > most or (stopped and count > 3))
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in FILES if relative(path).startswith("diagnosis/")], ids=relative
+)
+def test_a_diagnosis_writes_no_sentences(path):
+    """Its documents hold numbers and keys: `report/sentences` has the one wording of each."""
+    most = math.inf if relative(path).startswith(LONG_LABELS) else LABEL
+    found = [f"{line}: {text}" for text, line in told(tree_of(path)) if is_sentence(text, most)]
+    assert found == [], relative(path)
+
+
+def test_what_a_sentence_is():
+    tree = ast.parse(
+        '"""It says. What it does."""\n'
+        'raise ValueError(f"{path}: that is not what a model may be.")\n'
+        'say(f"{name}: chi2 falls from far above to {chi2} at last")\n'
+        'a = "the code that made the slide"\n'
+        'b = f"Only {name} explains {what}."\n'
+        'c = [f"{a} falls by {b:.1f} only; " f"{c:g} are asked for"]\n'
+    )
+    assert [line for text, line in told(tree) if is_sentence(text)] == [5, 6]
+
+
 def test_the_text_of_a_report_needs_no_drawing():
     for name in ("numbers", "table", "page", "tables/back_analysis", "sentences/diagnosis"):
         assert "matplotlib" not in loaded_with(ROOT / "report" / f"{name}.py"), name
@@ -248,3 +304,42 @@ def test_packages_are_found():
 def test_package_says_what_it_is_for(package):
     text = ast.get_docstring(ast.parse((ROOT / package / "__init__.py").read_text()))
     assert text and "In:" in text and "Out:" in text
+
+
+def unexplained_numbers(text: str) -> list[str]:
+    """Constants of a module with a number in them, and neither a comment nor a docstring at it.
+
+    Whether the words are a reason is for a reader.
+    """
+    lines, body = text.splitlines(), ast.parse(text).body
+    found = []
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign | ast.AnnAssign):
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [
+            one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)
+        ]
+        values = [one.value for one in ast.walk(node) if isinstance(one, ast.Constant)]
+        numbers = [one for one in values if type(one) in (int, float)]
+        above, own = lines[node.lineno - 2], lines[node.lineno - 1 : node.end_lineno]
+        commented = above.startswith("#") or any("  # " in line for line in own)
+        below = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        if numbers and all(name.isupper() for name in names) and not (commented or below):
+            found += names
+    return found
+
+
+DECIDING = [
+    path for path in FILES if relative(path).startswith(("diagnosis/", "inversion/estimation/"))
+]
+
+
+@pytest.mark.parametrize("path", DECIDING, ids=relative)
+def test_numbers_that_decide_a_verdict_say_why(path):
+    assert not unexplained_numbers(path.read_text())
+
+
+def test_a_number_without_a_reason_is_seen():
+    assert unexplained_numbers("#: Why.\nA = 1\nB, C = 2, (3.0, 4)\nD = 5  # why\n") == ["B", "C"]
+    assert unexplained_numbers('E = {"x": 1}\n"""Why."""\nF = "x"\nG: int = 6\n') == ["G"]

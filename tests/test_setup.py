@@ -152,12 +152,19 @@ def test_make_test_is_the_fast_tests_and_test_all_the_rest():
     assert "$(PYTEST)" in fast and "$(PYTEST)" in rest and " -m " not in fast
     assert "CPU_BUDGET_S=3" in fast
     # What the fast tests leave out, and the property tests with more examples.
-    assert "HYPOTHESIS_PROFILE=large" in rest and rest.endswith('-m "slow or property"')
+    assert "HYPOTHESIS_PROFILE=large" in rest and rest.endswith('-m "$(SELECT)"')
+    assert "\ntest-all: SELECT ?= slow or property\n" in (ROOT / "Makefile").read_text()
 
 
 def test_continuous_integration_runs_every_test_before_the_rest():
-    commands = re.findall(r"^make (.*)$", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
-    assert commands[:3] == ["test", "test-numerics", "test-all"]
+    script = (ROOT / ".ci" / "run").read_text()
+    commands = re.findall(r"^make (.*)$", script, re.MULTILINE)
+    assert commands[:3] == ["test", "test-numerics", 'test-all SELECT="$select"']
+    # All of them but on a slow machine.
+    assert re.findall(r"^.*select=.*$", script, re.MULTILINE) == [
+        'select="slow or property"',
+        '[ "$SECONDS" -lt 900 ] || select="($select) and not long"',
+    ]
 
 
 def test_a_fork_runs_the_same_on_every_python_that_is_promised():

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -258,21 +259,12 @@ def _reopen(arguments: argparse.Namespace, config: Config) -> int:
 def _run(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.making.benchmark import Places
     from benchmarks.hidden_effects.making.make import sealed_cases
-    from benchmarks.hidden_effects.run import run as run_cases
+    from benchmarks.hidden_effects.run import run
 
-    places, part = Places(_out(arguments, config)), part_of(arguments.part)
-    total = len(sealed_cases(places)[part.k :: part.n])
+    places = Places(_out(arguments, config))
+    names, variants = sealed_cases(places), variants_of(arguments.variants, METHOD, VARIANTS)
     _keep_origin(places.out / JUDGED_BY, _judged_by(places, config), _verdicts(places))
-    with Progress(total, "diagnosing blind", quiet=arguments.quiet) as progress:
-        run_cases(
-            places,
-            config,
-            variants=variants_of(arguments.variants, METHOD, VARIANTS),
-            part=part,
-            threads=arguments.threads,
-            runs=arguments.runs,
-            on_case=lambda done, _, words: progress.advance(1, words),
-        )
+    _judged(arguments, names, "diagnosing blind", partial(run, places, config, variants=variants))
     return 0
 
 
@@ -280,24 +272,13 @@ def _strangers(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects import strangers
     from benchmarks.hidden_effects.making.benchmark import Places
 
-    places, part = Places(_out(arguments, config)), part_of(arguments.part)
+    places = Places(_out(arguments, config))
+    names, kept = strangers.single_things(places), places.out / strangers.FOLDER
+    origin = places.out / f"{strangers.FOLDER}_{JUDGED_BY}"
+    _keep_origin(origin, _judged_by(places, config), kept.glob("*.json"))
+    judge = partial(strangers.run_twice, places, config, Path(arguments.benchmark).stem)
+    found = _judged(arguments, names, "diagnosing twice", judge)
     record = Path(arguments.record or strangers.RECORD)
-    total = len(strangers.single_things(places)[part.k :: part.n])
-    _keep_origin(
-        places.out / f"{strangers.FOLDER}_{JUDGED_BY}",
-        _judged_by(places, config),
-        places.out.glob(f"{strangers.FOLDER}/*.json"),
-    )
-    with Progress(total, "diagnosing twice", quiet=arguments.quiet) as progress:
-        found = strangers.run_twice(
-            places,
-            config,
-            Path(arguments.benchmark).stem,
-            part=part,
-            threads=arguments.threads,
-            runs=arguments.runs,
-            on_case=lambda done, _, words: progress.advance(1, words),
-        )
     strangers.save_twice(found, record)
     print(table(strangers.HEADER, strangers.rows_of(strangers.load_twice(record))))
     return 0
@@ -308,27 +289,33 @@ def _baselines(arguments: argparse.Namespace, config: Config) -> int:
     from benchmarks.hidden_effects.baselines import run as baselines
     from benchmarks.hidden_effects.making.benchmark import Places
 
-    places, part = Places(_out(arguments, config)), part_of(arguments.part)
-    record = Path(arguments.record or baselines.RECORD)
-    total = len(baselines.judged_cases(places)[part.k :: part.n])
+    places = Places(_out(arguments, config))
+    names = baselines.judged_cases(places)
     if read_json(places.out / JUDGED_BY) != content_hash(_judged_by(places, config)):
         raise InputError(
             f"{places.out}: its verdicts follow from other settings or another version of the "
             "method; the baselines are asked with those, give the same --set"
         )
-    with Progress(total, "asking other methods", quiet=arguments.quiet) as progress:
-        found = baselines.run_baselines(
-            places,
-            config,
-            Path(arguments.benchmark).stem,
+    judge = partial(baselines.run_baselines, places, config, Path(arguments.benchmark).stem)
+    found = _judged(arguments, names, "asking other methods", judge)
+    record = Path(arguments.record or baselines.RECORD)
+    baselines.save_answers(found, record)
+    print(table(curve.HEADER, curve.rows_of(baselines.load_answers(record))))
+    return 0
+
+
+def _judged(
+    arguments: argparse.Namespace, names: Sequence[Any], words: str, judge: Callable[..., Any]
+) -> Any:
+    """What is found of this job's share of some cases."""
+    part = part_of(arguments.part)
+    with Progress(len(names[part.k :: part.n]), words, quiet=arguments.quiet) as progress:
+        return judge(
             part=part,
             threads=arguments.threads,
             runs=arguments.runs,
             on_case=lambda done, _, words: progress.advance(1, words),
         )
-    baselines.save_answers(found, record)
-    print(table(curve.HEADER, curve.rows_of(baselines.load_answers(record))))
-    return 0
 
 
 def _verdicts(places: Places) -> Iterable[Path]:

@@ -25,7 +25,12 @@ from inversion.estimation.covariance import (
     source_covariance,
 )
 from inversion.estimation.data import Data, Targets
-from inversion.estimation.derivatives import central_differences, first_steps, steps_above_noise
+from inversion.estimation.derivatives import (
+    WIDEST,
+    central_differences,
+    first_steps,
+    steps_above_noise,
+)
 from inversion.estimation.hold_out import Split, split
 from inversion.estimation.misfit import total_of
 from inversion.estimation.response_surface import Surface, Surrogate, spreads
@@ -35,19 +40,22 @@ from inversion.problem.state import Numerics, State
 from pipeline.cli import WorkFailed
 from pipeline.ties import ranked
 
-#: Levels of the strengths in the scan, as shares of their bounds.
+#: Levels of the strengths in the scan, as shares of their bounds. By judgement: even steps; with
+#: half of them the valley of the answer may lie between two.
 LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: A derivative is taken again where the search has moved farther than this.
-STALE = 0.35
-#: Times that the derivative is taken at most before C is known.
+#: Times that the derivative is taken at most before C is known: again where the search has moved
+#: farther than the widest step of a difference, beyond which a slope is that of another place. By
+#: judgement: the search with all errors comes after it.
 TIMES_ANEW = 3
 #: The correction for the cells is found so often at most: again where the fit with it has moved
-#: farther than this.
-TIMES_CORRECTED = 2
-FAR = 0.1
-#: Amplitude, as a share of that at which cells were measured, up to which they do more.
+#: farther than the second. By judgement: a tenth of a strength is held to change the correction by
+#: less than its own error, half of it (`Options.finer_share_std`).
+TIMES_CORRECTED, FAR = 2, 0.1
+#: Amplitude, as a share of that at which cells were measured, up to which they do more. By
+#: judgement: farther out nothing says that they go on in proportion.
 MOST_SHARE = 1.5
-#: Variance of a run's noise as a share of the survey's, until it is measured.
+#: Variance of a run's noise as a share of the survey's, until it is measured. By judgement: with
+#: less the first search follows the noise of single runs, with more it learns little from them.
 ASSUMED_NOISE = 0.2
 
 
@@ -213,7 +221,7 @@ def _first_fit(runs: Runs, data: Data, space: Unknowns, options: Options) -> Fit
             break
         moved, fit = np.max(np.abs(found.x - x)), found
         x, row = fit.x, runs.predict([space.state(fit.x)])[0]
-        if moved <= STALE or not np.all(np.isfinite(row)):
+        if moved <= WIDEST or not np.all(np.isfinite(row)):
             break
     if fit is None:
         raise WorkFailed(f"the allowance of {runs.allowance} runs does not cover one fit")

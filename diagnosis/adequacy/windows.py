@@ -14,7 +14,8 @@ import numpy as np
 from diagnosis.adequacy.adequacy import ProjectedFit, exceedance, fitted_rows, standardised_sum
 from inversion.estimation.data import Axis, Places
 
-#: Fewest numbers of a window, and its largest share of the series: all of it is a group.
+#: Fewest numbers of a window, since one alone is the test of the largest residual, and its largest
+#: share of the series, by judgement: all of it is a group.
 LEAST, LARGEST = 2, 0.6
 
 

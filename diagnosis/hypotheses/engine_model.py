@@ -9,24 +9,28 @@ once. Errors of the survey move the prediction and need no run.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Generic
 
 import numpy as np
 
-from diagnosis.hypotheses.assumption import possible, with_setting
+from diagnosis.hypotheses.assumption import AnySetup, Found, possible, with_setting
 from diagnosis.hypotheses.model import CURVE, Candidate, Curve, Proposal
 from diagnosis.hypotheses.physics import acting_candidates
 from diagnosis.hypotheses.possible_measurements import possible_measurements, proposal_of
 from diagnosis.hypotheses.registry import assumptions_of, neighbours_of, placed_at, unseen_by
+from diagnosis.hypotheses.strength import strength_curves
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import scene_from_mapping
+from geometry.survey.measured import Measured
 from inversion.engines.finite_width import FiniteWidth
 from inversion.engines.registry import MPM, Engine
-from inversion.engines.run_store import KeptRun, RunStore
+from inversion.engines.run_store import KeptRun, RunStore, Store
 from inversion.estimation.data import Targets, make_targets
-from inversion.estimation.forward import Prediction, Request, SectionSetup
+from inversion.estimation.forward import Forward, Prediction, Request, SectionSetup
 from inversion.estimation.unknowns import Parameters
 from inversion.problem.question import Sensitivity
 from inversion.problem.state import State, simulated
@@ -34,15 +38,8 @@ from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.effects.strength_curve import entry as curve_entry
 from pipeline.cli import InputError
 
-#: An unknown curve: knots, and where they lie (shares of what is typical of the section).
-KNOTS = 5
-#: log10 of the rate of shear around that of a fall from the section's height.
-RATES = (-2.0, 1.0)
-#: Accumulated plastic shear strain.
-STRAINS = (0.0, 2.0)
-#: Duration of a slide in times of a fall from the section's height.
-FALLS = 6.0
-#: Strengths that are tried at a time where a limit of flow is looked for.
+#: Strengths that are tried at a time where a limit of flow is looked for, the second time between
+#: two of the first: 14 runs find it to a 36th of the bounds' width, 8 would to a ninth.
 LEVELS = 7
 
 
@@ -61,47 +58,50 @@ class Numerics:
     finer: float = 2.0
 
 
-class EngineModel:
-    """`diagnosis.hypotheses.model.Model` by a forward engine.
+class RunModel(ABC, Generic[AnySetup]):
+    """`diagnosis.hypotheses.model.Model` by a forward engine, on a section or on a body.
 
     Args:
-        setup: section, settings, parameters and measurements of the base model.
+        setup: what slides, settings, parameters and measurements of the base model.
         store: of the runs.
-        engine: what predicts; its runs are kept in the store.
-        sensitivities: of the question: what is said to be uncertain, and by how much.
-        numbers: effect -> further numbers of it, as in a scene.
+        forward: what predicts; its runs are kept in the store.
+        found: assumptions on trial, and why others and further effects are left out.
+        physics: effects of its solver.
+        further: measurements that could still be made.
         priors: candidate -> (mean, std) of its amplitude, in place of its own.
         numerics: how the model's own error is measured.
-        finite_width: the width of the slide is on trial, by runs in three dimensions.
     """
+
+    @property
+    def curves(self) -> list[Curve]:
+        """See `Model`."""
+        return []
+
+    @property
+    def wide_runs(self) -> int:
+        """Simulations in three dimensions so far, in addition."""
+        return 0
 
     def __init__(
         self,
-        setup: SectionSetup,
-        store: RunStore,
+        setup: AnySetup,
+        store: Store,
+        forward: Forward,
         *,
-        engine: Engine = MPM,
-        sensitivities: Sequence[Sensitivity] = (),
-        numbers: Mapping[str, Mapping[str, float]] | None = None,
+        found: Found,
+        physics: Sequence[Candidate] = (),
+        further: Sequence[Measured] = (),
         priors: Mapping[str, tuple[float, float]] | None = None,
         numerics: Numerics | None = None,
-        finite_width: bool = False,
     ) -> None:
         self.setup = setup
         self.store = store
-        self.engine = engine
         self.numerics = Numerics() if numerics is None else numerics
-        self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
         self.failures: dict[State, str] = {}
+        self._forward = forward
         self._errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
-        doubted, certain = assumptions_of(setup, sensitivities, self.engine, dear=finite_width)
+        doubted, self.left_out = found
         self._assumptions = {one.candidate.name: one for one in doubted}
-        # Effects must see that a strength is asked for as a ratio.
-        base = setup.scene_at(setup.parameters.start) if setup.has_strength_ratio else setup.scene
-        physics, idle = acting_candidates(base, self.numbers, duration=setup.settings.duration_s)
-        if not self.engine.effects:
-            idle |= {one.name: f"{self.engine.description} has no such effect" for one in physics}
-            physics = []
         every = [
             *physics,
             *(one.candidate for one in self._assumptions.values()),
@@ -109,8 +109,6 @@ class EngineModel:
         ]
         self._priors = dict(priors or {})
         self.candidates = [self._with_prior(one) for one in every]
-        self.left_out = {**idle, **certain}
-        further = [one for one in possible_measurements(setup) if self.engine.reads(one)]
         self._possible = (
             make_targets(further, fit=None, loss="misfit", source="what could be measured")
             if further
@@ -119,7 +117,18 @@ class EngineModel:
         self._asked: set[State] = set()
         self._proposed: dict[State, np.ndarray] = {}
         self._computed_before = store.computed
-        self._forward = FiniteWidth(engine.made(store), store)
+
+    @abstractmethod
+    def setup_of(self, state: State) -> AnySetup:
+        """What a run of the state is made of and read with: scene, settings.
+
+        Raises:
+            InputError: there is no such scene, an effect is unknown or out of its range.
+        """
+
+    @abstractmethod
+    def simulates(self, state: State) -> bool:
+        """See `Model`."""
 
     # --- what the statistics see ---
 
@@ -191,11 +200,6 @@ class EngineModel:
         return len(self._asked)
 
     @property
-    def wide_runs(self) -> int:
-        """Simulations in three dimensions so far, in addition."""
-        return self._forward.wide_runs
-
-    @property
     def computed(self) -> int:
         """Of these, simulated now."""
         return self.store.computed - self._computed_before
@@ -216,81 +220,6 @@ class EngineModel:
         """See `Model`."""
         return self._forward.error_std(self._request(self.run_behind(state), self.targets))
 
-    def simulates(self, state: State) -> bool:
-        """See `Model`."""
-        unseen, own = self.engine.unseen, replace(state, numerics="own")
-        return unseen is None or not unseen(self.setup_of(own), self.setup_of(state))
-
-    @cached_property
-    def proposals(self) -> list[Proposal]:
-        """Measurements that could still be made."""
-        found, first = [], 0
-        for entry in self._possible.entries:
-            found.append(proposal_of(entry, first))
-            first += len(entry.values)
-        return found
-
-    def propose(self, states: Sequence[State]) -> np.ndarray:
-        """Readings of all proposals (n, q); runs that were made before are read, not made again."""
-        if not self._possible.names:
-            return np.zeros((len(states), 0))
-        behind = [self.run_behind(state) for state in states]
-        new = [state for state in dict.fromkeys(behind) if state not in self._proposed]
-        self._proposed |= self._read_all(new, self._possible)
-        nothing = np.zeros((0, len(self._possible.names)))
-        return np.array([self._proposed[state] for state in behind]) if behind else nothing
-
-    @cached_property
-    def curves(self) -> list[Curve]:
-        """Strength of the liquefied soil as a function of what it might depend on."""
-        zones = liquefied_zones(self.setup.scene)
-        if not zones or not self.engine.effects or not self.keeps_runs:
-            return []
-        return strength_curves(self.setup, self.points(self._first), zones)
-
-    @property
-    def keeps_runs(self) -> bool:
-        """The engine has whole runs, for pictures and for the stress before failure."""
-        return self._forward.keeps_runs
-
-    @property
-    def _first(self) -> State:
-        """The question's first guess, which every calibration begins with."""
-        return State(tuple(float(value) for value in self.setup.parameters.start))
-
-    # --- what is called after its place ---
-
-    def neighbours(self, name: str) -> list[str]:
-        """See `Seeking`."""
-        return neighbours_of(self.setup.scene, name)
-
-    def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:
-        """Put a thing that is called after its place on trial.
-
-        Args:
-            name: as `neighbours` gives it, or as a hypothesis names it.
-            choices: places among which it was sought.
-
-        Returns:
-            its candidate; None where it is no such name, or there is no such section.
-        """
-        one = placed_at(self.setup.scene, name)
-        if one is None or not possible(one, self.setup, one.candidate.ladder[-1]):
-            return None
-        if unseen_by(self.engine, one, self.setup):
-            return None
-        self._assumptions[name] = one
-        candidate = self._with_prior(replace(one.candidate, choices=choices))
-        self.candidates = [*(c for c in self.candidates if c.name != name), candidate]
-        return candidate
-
-    def drop_placed(self, names: Iterable[str]) -> None:
-        """See `Seeking`."""
-        gone = set(names)
-        self.candidates = [c for c in self.candidates if c.name not in gone]
-        for name in gone & set(self._assumptions):
-            del self._assumptions[name]
-
     def _with_prior(self, candidate: Candidate) -> Candidate:
         """A candidate with the engineer's prior, where one is given."""
         if candidate.name not in self._priors:
@@ -305,65 +234,13 @@ class EngineModel:
         kept = tuple(pair for pair in state.effects if pair[0] not in self._errors)
         return replace(state, effects=kept)
 
-    def setup_of(self, state: State) -> SectionSetup:
-        """What a run of the state is made of and read with: section, settings, its foot.
-
-        Raises:
-            InputError: there is no such section, an effect is unknown or out of its range.
-        """
-        acting = {name: simulated(amplitude) for name, amplitude in state.effects}
-        setup = self.setup
-        for name, one in self._assumptions.items():
-            if name in acting:
-                setup = one.change(setup, acting.pop(name))
-        scene = self.setup.parameters.scene(setup.scene, np.array(state.values))
-        changes: dict = {}
-        if acting:
-            changes["effects"] = {**scene.effects, **self._entries(acting)}
-        if state.seed:
-            changes |= {"jitter": self.numerics.jitter, "seed": state.seed}
-        if state.numerics == "fine":
-            changes["spacing"] = scene.spacing / self.numerics.finer
-        if changes:
-            scene = scene_from_mapping({**scene.model_dump(), **changes}, scene.name)
-        acting_scene(scene, effects_on(scene))  # an effect may ask for what there is no section for
-        if state.numerics == "transfer":
-            setup = with_setting(setup, transfer=self.numerics.transfer)
-        return replace(setup, scene=scene)
-
-    def points(self, state: State) -> KeptRun:
-        """The kept run of a state, for pictures."""
-        run = self.run_behind(state)
-        self._asked.add(run)
-        return self._forward.kept_run(self._request(run, self.targets))
-
-    def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:
-        """Amplitudes as a scene has them; the coefficients of a curve as one entry."""
-        entries: dict[str, float | dict[str, float]] = {}
-        for name, amplitude in acting.items():
-            if name.startswith(f"{CURVE}:"):
-                entries[CURVE] = self._curve_entry(name.split(":")[1], acting)
-            elif name in self.numbers:
-                entries[name] = {"amplitude": amplitude, **self.numbers[name]}
-            else:
-                entries[name] = amplitude
-        return entries
-
-    def _curve_entry(self, variable: str, acting: Mapping[str, float]) -> dict[str, float]:
-        (curve,) = [one for one in self.curves if one.variable == variable]
-        return curve_entry(variable, curve.knots, [acting.get(name, 0.0) for name in curve.names])
-
     def _request(self, state: State, targets: Targets) -> Request:
-        """A run of the section of a state that predicts these numbers.
-
-        Measurements and proposals are both read as a run ends, whichever of them is asked for.
+        """A run of the scene of a state that predicts these numbers.
 
         Raises:
-            InputError: there is no such section.
+            InputError: there is no such scene.
         """
-        both = (*self.setup.targets.entries, *self._possible.entries)
-        setup = replace(self.setup_of(state), targets=targets, also_read=both)
-        return setup.at(np.array(state.values))
+        return replace(self.setup_of(state), targets=targets).at(np.array(state.values))
 
     def _read_all(self, states: list[State], targets: Targets) -> dict[State, np.ndarray]:
         """Measurements or proposals on distinct runs, one vector each."""
@@ -410,31 +287,191 @@ class EngineModel:
         return moved
 
 
-def strength_curves(setup: SectionSetup, run: KeptRun, zones: Sequence[str]) -> list[Curve]:
-    """Unknown curves over the range that the liquefied zones of a section have.
+class EngineModel(RunModel[SectionSetup]):
+    """A forward engine that simulates sections.
 
     Args:
-        setup: the section.
-        run: of it; its stress before failure is what counts.
-        zones: that liquefied.
+        setup: section, settings, parameters and measurements of the base model.
+        store: of the runs.
+        engine: what predicts; its runs are kept in the store.
+        sensitivities: of the question: what is said to be uncertain, and by how much.
+        numbers: effect -> further numbers of it, as in a scene.
+        priors: candidate -> (mean, std) of its amplitude, in place of its own.
+        numerics: how the model's own error is measured.
+        finite_width: the width of the slide is on trial, by runs in three dimensions.
     """
-    scene = setup.scene
-    places = [number for number, zone in enumerate(scene.zones) if zone.name in zones]
-    member = np.isin(run.zone, places)
-    stress = 1e-3 * np.percentile(run.vertical_stress[member], (5.0, 95.0))
-    x = np.percentile(run.initial[member, 0], (2.0, 98.0))
-    height = float(np.ptp(run.initial[:, 1]))
-    fall = np.sqrt(2.0 * height / setup.settings.gravity_m_per_s2)
-    rate = np.log10(1.0 / fall)
-    ranges = {
-        "strain_rate": ("rate of shear", "log10 of 1/s", (rate + RATES[0], rate + RATES[1])),
-        "strain": ("shear strain so far", "", STRAINS),
-        "time": ("time since the slide began", "s", (0.0, FALLS * fall)),
-        "overburden": ("vertical effective stress before failure", "kPa", stress),
-        "position": ("place before the slide", "m", x),
-    }
-    return [
-        Curve(variable, words, unit, tuple(np.linspace(low, high, KNOTS).tolist()))
-        for variable, (words, unit, (low, high)) in ranges.items()
-        if high > low
-    ]
+
+    def __init__(
+        self,
+        setup: SectionSetup,
+        store: RunStore,
+        *,
+        engine: Engine = MPM,
+        sensitivities: Sequence[Sensitivity] = (),
+        numbers: Mapping[str, Mapping[str, float]] | None = None,
+        priors: Mapping[str, tuple[float, float]] | None = None,
+        numerics: Numerics | None = None,
+        finite_width: bool = False,
+    ) -> None:
+        self.engine = engine
+        self.numbers = {name: dict(given) for name, given in (numbers or {}).items()}
+        doubted, certain = assumptions_of(setup, sensitivities, engine, dear=finite_width)
+        # Effects must see that a strength is asked for as a ratio.
+        base = setup.scene_at(setup.parameters.start) if setup.has_strength_ratio else setup.scene
+        physics, idle = acting_candidates(base, self.numbers, duration=setup.settings.duration_s)
+        if not engine.effects:
+            idle |= {one.name: f"{engine.description} has no such effect" for one in physics}
+            physics = []
+        self._wide = FiniteWidth(engine.made(store), store)
+        super().__init__(
+            setup,
+            store,
+            self._wide,
+            physics=physics,
+            found=(doubted, {**idle, **certain}),
+            further=[one for one in possible_measurements(setup) if engine.reads(one)],
+            priors=priors,
+            numerics=numerics,
+        )
+
+    @property
+    def wide_runs(self) -> int:
+        """Simulations in three dimensions so far, in addition."""
+        return self._wide.wide_runs
+
+    def simulates(self, state: State) -> bool:
+        """See `Model`."""
+        unseen, own = self.engine.unseen, replace(state, numerics="own")
+        return unseen is None or not unseen(self.setup_of(own), self.setup_of(state))
+
+    @cached_property
+    def curves(self) -> list[Curve]:
+        """Strength of the liquefied soil as a function of what it might depend on."""
+        zones = liquefied_zones(self.setup.scene)
+        if not zones or not self.engine.effects or not self.keeps_runs:
+            return []
+        return strength_curves(self.setup, self.points(self._first), zones)
+
+    @property
+    def keeps_runs(self) -> bool:
+        """The engine has whole runs, for pictures and for the stress before failure."""
+        return self._wide.keeps_runs
+
+    @property
+    def _first(self) -> State:
+        """The question's first guess, which every calibration begins with."""
+        return State(tuple(float(value) for value in self.setup.parameters.start))
+
+    @cached_property
+    def proposals(self) -> list[Proposal]:
+        """Measurements that could still be made."""
+        found, first = [], 0
+        for entry in self._possible.entries:
+            found.append(proposal_of(entry, first))
+            first += len(entry.values)
+        return found
+
+    def propose(self, states: Sequence[State]) -> np.ndarray:
+        """Readings of all proposals (n, q); runs that were made before are read, not made again."""
+        if not self._possible.names:
+            return np.zeros((len(states), 0))
+        behind = [self.run_behind(state) for state in states]
+        new = [state for state in dict.fromkeys(behind) if state not in self._proposed]
+        self._proposed |= self._read_all(new, self._possible)
+        nothing = np.zeros((0, len(self._possible.names)))
+        return np.array([self._proposed[state] for state in behind]) if behind else nothing
+
+    # --- what is called after its place ---
+
+    def neighbours(self, name: str) -> list[str]:
+        """See `Seeking`."""
+        return neighbours_of(self.setup.scene, name)
+
+    def add_placed(self, name: str, *, choices: int = 1) -> Candidate | None:
+        """Put a thing that is called after its place on trial.
+
+        Args:
+            name: as `neighbours` gives it, or as a hypothesis names it.
+            choices: places among which it was sought.
+
+        Returns:
+            its candidate; None where it is no such name, or there is no such section.
+        """
+        one = placed_at(self.setup.scene, name)
+        if one is None or not possible(one, self.setup, one.candidate.ladder[-1]):
+            return None
+        if unseen_by(self.engine, one, self.setup):
+            return None
+        self._assumptions[name] = one
+        candidate = self._with_prior(replace(one.candidate, choices=choices))
+        self.candidates = [*(c for c in self.candidates if c.name != name), candidate]
+        return candidate
+
+    def drop_placed(self, names: Iterable[str]) -> None:
+        """See `Seeking`."""
+        gone = set(names)
+        self.candidates = [c for c in self.candidates if c.name not in gone]
+        for name in gone & set(self._assumptions):
+            del self._assumptions[name]
+
+    # --- states and runs ---
+
+    def setup_of(self, state: State) -> SectionSetup:
+        """What a run of the state is made of and read with: section, settings, its foot.
+
+        Raises:
+            InputError: there is no such section, an effect is unknown or out of its range.
+        """
+        acting = {name: simulated(amplitude) for name, amplitude in state.effects}
+        setup = self.setup
+        for name, one in self._assumptions.items():
+            if name in acting:
+                setup = one.change(setup, acting.pop(name))
+        scene = self.setup.parameters.scene(setup.scene, np.array(state.values))
+        changes: dict = {}
+        if acting:
+            changes["effects"] = {**scene.effects, **self._entries(acting)}
+        if state.seed:
+            changes |= {"jitter": self.numerics.jitter, "seed": state.seed}
+        if state.numerics == "fine":
+            changes["spacing"] = scene.spacing / self.numerics.finer
+        if changes:
+            scene = scene_from_mapping({**scene.model_dump(), **changes}, scene.name)
+        acting_scene(scene, effects_on(scene))  # an effect may ask for what there is no section for
+        if state.numerics == "transfer":
+            setup = with_setting(setup, transfer=self.numerics.transfer)
+        return replace(setup, scene=scene)
+
+    def points(self, state: State) -> KeptRun:
+        """The kept run of a state, for pictures."""
+        run = self.run_behind(state)
+        self._asked.add(run)
+        return self._wide.kept_run(self._request(run, self.targets))
+
+    def _entries(self, acting: Mapping[str, float]) -> dict[str, float | dict[str, float]]:
+        """Amplitudes as a scene has them; the coefficients of a curve as one entry."""
+        entries: dict[str, float | dict[str, float]] = {}
+        for name, amplitude in acting.items():
+            if name.startswith(f"{CURVE}:"):
+                entries[CURVE] = self._curve_entry(name.split(":")[1], acting)
+            elif name in self.numbers:
+                entries[name] = {"amplitude": amplitude, **self.numbers[name]}
+            else:
+                entries[name] = amplitude
+        return entries
+
+    def _curve_entry(self, variable: str, acting: Mapping[str, float]) -> dict[str, float]:
+        (curve,) = [one for one in self.curves if one.variable == variable]
+        return curve_entry(variable, curve.knots, [acting.get(name, 0.0) for name in curve.names])
+
+    def _request(self, state: State, targets: Targets) -> Request:
+        """A run of the section of a state that predicts these numbers.
+
+        Measurements and proposals are both read as a run ends, whichever of them is asked for.
+
+        Raises:
+            InputError: there is no such section.
+        """
+        both = (*self.setup.targets.entries, *self._possible.entries)
+        setup = replace(self.setup_of(state), targets=targets, also_read=both)
+        return setup.at(np.array(state.values))

@@ -18,6 +18,10 @@ import numpy as np
 import shapely
 
 from diagnosis.hypotheses.assumption import (
+    LEVEL_STD,
+    RUNGS,
+    WORST_KNOWN_M,
+    AnySetup,
     Assumption,
     Found,
     Sensitivities,
@@ -25,7 +29,8 @@ from diagnosis.hypotheses.assumption import (
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
 from diagnosis.hypotheses.physics import candidate_of
-from geometry.scenes.scene import Point, Scene, scene_from_mapping
+from geometry.scenes.scene import Ground, Point, Scene, scene_from_mapping
+from geometry.scenes3d.scene3d import Terrain
 from geometry.sides import SIDES, Side
 from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effect
@@ -39,36 +44,39 @@ BONDED, ROUGH, FRICTION, COEFFICIENT = (
 WEAK, UNBONDED = "weak_base", "weak_unbonded_base"
 LEVEL, TILT, FORELAND, BUMP = "base_level", "base_tilt", "foreland", "bump"
 
-#: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand.
+#: Coulomb coefficient from which `base_of_friction` takes its share: a rough base under dry sand,
+#: tan 31 deg.
 STRONGEST = 0.6
-#: Shares of it that are tried.
+#: Shares of it that are tried: coefficients of 0.42, 0.24 and 0.09, each about half of that before.
 SHARES = (0.3, 0.6, 0.85)
-#: One standard deviation where nothing is known: of the base's level and of its rise between the
-#: feet, as shares of the height of the section; of the slope of a foreland; of a coefficient.
-LEVEL_STD, TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.08, 0.1, 0.03, 0.25
-#: Largest of the first two [m]: borings locate a base that well, however high the section.
-WORST_KNOWN_M = 2.0
-#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
-RUNGS = (0.5, 1.0, 2.0)
-#: The base takes up its new place over this share of the section's length from either foot.
+#: One standard deviation where nothing is known, by judgement: of the base's rise between the feet,
+#: as a share of the section's height, about that of a difference of two levels; of the slope of a
+#: foreland, 1.7 deg; of a coefficient, as a share, like that of a strength (`soil.SHARES`).
+TILT_STD, FORELAND_STD, COEFFICIENT_STD = 0.1, 0.03, 0.25
+#: The base takes up its new place over this share of the section's length from either foot. By
+#: judgement: over less it has a step that holds a slide back, over 0.5 nothing lies at the new
+#: place.
 FADE = 0.15
-#: A foreland slopes over this many heights of the section, and is level beyond.
+#: A foreland slopes over this many heights of the section, and is level beyond. By judgement: about
+#: as far as a slide runs; without an end it would leave the domain.
 FORELAND_LENGTH = 6.0
-#: Where the top of a bump lies beyond the foot, in heights; its heights that are tried, in heights
-#: of the section, and the highest [m]; run of its faces over their rise.
+#: Where the top of a bump lies beyond the foot, in heights: each twice as far as that before.
 BUMP_PLACES = {"close_to": 0.5, "near": 1.0, "far_from": 2.0}
+#: Its heights that are tried, in heights of the section, and the highest [m]; run of its faces over
+#: their rise. By judgement: a slide does not bury, unseen, what is much higher.
 BUMP_HEIGHTS, HIGHEST_BUMP_M, BUMP_FACE = (0.1, 0.2, 0.35), 5.0, 2.0
-#: Factor between the distances that are tried, and how many there are from 0.3 to 3 heights.
+#: Factor between the distances that are tried, three of which make one of the given twice as far,
+#: and how many there are from 0.3 to 3 heights.
 BUMP_STEP, BUMPS = 1.25, 11
 _BUMP = re.compile(rf"{BUMP}_(\d+(?:\.\d+)?)_m_before_the_(left|right)_foot")
-#: A vertex nearer to the base than this stands on it [m].
+#: A vertex nearer to the base than this stands on it [m]: finer than drawings are, and no rounding.
 ON_BASE_M = 1e-3
 
 
 def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """What the ground may have been."""
     scene = setup.scene
-    found = [*_contacts(scene), *_below(scene)]
+    found = [*contacts(scene.ground), *_below(scene)]
     for side in _sides(setup):
         found += _beyond(scene, side)
     kept, left_out = [], {}
@@ -85,13 +93,13 @@ def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     return kept, left_out
 
 
-def _contacts(scene: Scene) -> list[Assumption]:
-    """Other contacts of soil and ground than the scene's."""
+def contacts(ground: Ground | Terrain) -> list[Assumption]:
+    """Other contacts of soil and ground than that of a section or a terrain."""
     bonded = switch_of(BONDED, "ground", "the soil was bonded to its base")
     rough = switch_of(ROUGH, "ground", "the soil slipped on its base by its own strength")
-    contact = scene.ground.contact
+    contact = ground.contact
     if contact == "coulomb":
-        own = float(scene.ground.friction_coefficient or 0.0)
+        own = float(ground.friction_coefficient or 0.0)
         found = [_contact(bonded, "no_slip"), _contact(rough, "rough")]
         return [*found, _coefficient(own)] if own > 0.0 else found
     friction = Candidate(
@@ -103,7 +111,9 @@ def _contacts(scene: Scene) -> list[Assumption]:
         high=1.0,
         ladder=SHARES,
     )
-    slipping = Assumption(friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a)))
+    slipping: Assumption = Assumption(
+        friction, lambda s, a: _touching(s, "coulomb", STRONGEST * (1.0 - a))
+    )
     if contact == "rough":
         return [_contact(bonded, "no_slip"), slipping]
     return [_contact(rough, "rough"), _unbonded(), slipping]
@@ -148,10 +158,11 @@ def _coefficient(own: float) -> Assumption:
     return Assumption(candidate, lambda s, a: _touching(s, "coulomb", max(own + a, 0.0)))
 
 
-def _touching(setup: SectionSetup, contact: str, coefficient: float | None = None) -> SectionSetup:
-    changes = {"contact": contact, "friction_coefficient": coefficient}
-    scene = setup.scene.changed(ground=setup.scene.ground.model_dump() | changes)
-    return setup.with_scene(scene)
+def _touching(setup: AnySetup, contact: str, coefficient: float | None = None) -> AnySetup:
+    changes, soil = {"contact": contact, "friction_coefficient": coefficient}, setup.soil
+    if isinstance(soil, Terrain):
+        return setup.with_soil(soil.model_copy(update=changes))
+    return setup.with_soil(soil.changed(ground=soil.ground.model_dump() | changes))
 
 
 def _below(scene: Scene) -> list[Assumption]:

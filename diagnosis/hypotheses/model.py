@@ -38,9 +38,12 @@ FAMILY_WORDS: dict[Family, str] = {
 
 #: Coefficients of an unknown strength curve stand in `State.effects` under this name.
 CURVE = "strength_curve"
-#: Standard deviation of an amplitude of which nothing else is known, in top rungs of its ladder.
+#: Standard deviation of an amplitude of which nothing else is known, in top rungs of its ladder. By
+#: judgement: with half of it a top rung is itself doubted (1/2 in ln evidence), and with twice of
+#: it every effect pays ln 2 more of the 2.3 that are asked for.
 WIDE = 2.0
-#: The same of one that is counted in decades, around its middle rung: a factor of 3.
+#: The same of one that is counted in decades, around its middle rung: a factor of 3, so that the
+#: rungs beside it, tenfold each, lie at two standard deviations.
 HALF_A_DECADE = 0.5
 
 

@@ -11,7 +11,8 @@ from geometry.scenes.scene import Scene
 from mpm_taichi.effects import BY_THE_CLOCK, PORE_WATER, Active, Effect, effects, effects_on
 from pipeline.cli import InputError
 
-#: Share of the duration of a run within which an effect must have ended: the slide has to rest.
+#: Share of the duration of a run within which an effect must have ended: the slide has to rest,
+#: for which, by judgement, a fifth of it is left.
 LATEST = 0.8
 
 

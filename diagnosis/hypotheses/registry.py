@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import ModuleType
 
-from diagnosis.hypotheses import ground, section, soil, start, strength, water, width
-from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
+from diagnosis.hypotheses import body, ground, section, soil, start, strength, water, width
+from diagnosis.hypotheses.assumption import AnySetup, Assumption, Found, Sensitivities
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import Scene
+from inversion.engines.body_setup import BodySetup
 from inversion.engines.registry import Engine
 from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effects
@@ -90,22 +91,28 @@ def placed_at(scene: Scene, name: str) -> Assumption | None:
 
 
 def assumed_otherwise(
-    setup: SectionSetup, sensitivities: Sensitivities, amplitudes: Mapping[str, float], source: str
-) -> SectionSetup:
+    setup: AnySetup, sensitivities: Sensitivities, amplitudes: Mapping[str, float], source: str
+) -> AnySetup:
     """The setup of a hypothesis that doubts assumptions; effects of the solver are in its scene.
 
     Raises:
         InputError: beginning with `source`: there is no such assumption, or no such section.
     """
-    own = [family.module.assumptions(setup, sensitivities)[0] for family in FAMILIES]
+    if isinstance(setup, BodySetup):
+        own, solver, where = [body.assumptions(setup, sensitivities)[0]], [], " in three dimensions"
+    else:
+        own = [family.module.assumptions(setup, sensitivities)[0] for family in FAMILIES]
+        solver, where = [*effects()], ""
     known = {one.candidate.name: one for found in own for one in found}
-    known |= {name: one for name in amplitudes if (one := placed_at(setup.scene, name)) is not None}
+    if isinstance(setup, SectionSetup):
+        scene = setup.scene
+        known |= {name: one for name in amplitudes if (one := placed_at(scene, name)) is not None}
     errors = {error.candidate.name: error for error in survey_errors(setup.targets)}
     for name in amplitudes:
-        if name not in {*known, *errors, *effects()}:
+        if name not in {*known, *errors, *solver}:
             raise InputError(
-                f"{source}: effects: no effect {name!r}; there are "
-                f"{', '.join([*effects(), *known, *errors])}"
+                f"{source}: effects: no effect {name!r}{where}; there are "
+                f"{', '.join([*solver, *known, *errors])}"
             )
     for name, one in known.items():
         if name in amplitudes:

@@ -11,6 +11,9 @@ import shapely
 from shapely.ops import unary_union
 
 from diagnosis.hypotheses.assumption import (
+    LEVEL_STD,
+    RUNGS,
+    WORST_KNOWN_M,
     Assumption,
     Found,
     Sensitivities,
@@ -27,14 +30,9 @@ from inversion.problem.question import MovedVertex, ZoneBoundary
 from mpm_taichi.effects import liquefied_zones
 
 BOUNDARY, TOP = "boundary_", "top_of_the_liquefied_soil"
-#: One standard deviation of that top where nothing is known, as a share of the section's height,
-#: and at most [m].
-TOP_STD, WORST_KNOWN_M = 0.08, 2.0
-#: A vertex nearer to the outline or the ground than this share of the height lies on it.
+#: A vertex nearer to the outline or the ground than this share of the height lies on it. By
+#: judgement: an eighth of `LEVEL_STD`, so that no layer is taken for a line.
 ON_LINE = 0.01
-
-#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
-RUNGS = (0.5, 1.0, 2.0)
 
 
 def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
@@ -65,7 +63,7 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
 
     Args:
         scene: the section.
-        std: standard deviation [m]; None: `TOP_STD` of the height.
+        std: standard deviation [m]; None: `LEVEL_STD` of the height.
 
     Returns:
         its vertices, those on the ground and on the outline of the section left out; None: it has
@@ -79,7 +77,7 @@ def top_of_liquefied_soil(scene: Scene, std: float | None = None) -> ZoneBoundar
     domain = scene.domain
     walls = {domain.wall(side) for side in SIDES if not domain.is_open(side)}
     walls |= {scene.end(side) for side in SIDES if domain.goes_on(side)}
-    std = min(TOP_STD * height, WORST_KNOWN_M) if std is None else std
+    std = min(LEVEL_STD * height, WORST_KNOWN_M) if std is None else std
     moved = [
         (x, y)
         for x, y in dict.fromkeys(p for z in scene.zones if z.name in names for p in z.polygon)

@@ -9,24 +9,22 @@ from __future__ import annotations
 
 import math
 
-from diagnosis.hypotheses.assumption import (
-    Assumption,
-    Found,
-    Sensitivities,
-    slug,
-)
+from diagnosis.hypotheses.assumption import AnySetup, Assumption, Found, Sensitivities, slug
 from diagnosis.hypotheses.model import Candidate
 from geometry.scenes.scene import Material, Scene
+from geometry.scenes3d.scene3d import Terrain
 from inversion.back_analysis.deviations import property_changes, with_changes
-from inversion.estimation.forward import SectionSetup
+from inversion.estimation.forward import Setup
 from inversion.problem.question import FixedProperty, calibrated_keys, material_key
 
-#: One standard deviation where nothing is known: as shares of the value, and as it is.
+#: One standard deviation where nothing is known, as shares of the value. By judgement: strengths
+#: scatter by a tenth to a half of their mean (`strength.CONTRAST_STD`), densities by far less.
 SHARES = {"cohesion_kpa": 0.25, "strength_ratio": 0.25, "density": 0.05}
-FRICTION_STD_DEG = 2.0
-#: Of the logarithm of stiffness.
-STIFFNESS_STD = math.log(3.0)
-#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed.
+#: The same of friction as it is, and of the logarithm of stiffness. By judgement: sands of one
+#: state differ by a few degrees, and moduli are seldom measured.
+FRICTION_STD_DEG, STIFFNESS_STD = 2.0, math.log(3.0)
+#: Amplitudes that are tried, in standard deviations; the last is the largest that is believed: by
+#: judgement, more than of a surface (`assumption.RUNGS`), since soils are known less than drawings.
 RUNGS = (0.5, 1.0, 2.5)
 
 NOT_BELOW_NOTHING = ("cohesion_kpa", "strength_ratio", "friction_deg")
@@ -40,9 +38,9 @@ WORDS = {
 """Property -> what it is called, and the unit of the amplitude: stiffness as a logarithm."""
 
 
-def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
+def assumptions(setup: Setup, sensitivities: Sensitivities) -> Found:
     """Properties that are not calibrated, by material, and by what the sensitivities list."""
-    scene = setup.scene
+    scene = setup.soil
     calibrated = calibrated_keys(setup.parameters.specs)
     found, stated = [], set()
     for one in sensitivities:
@@ -75,7 +73,9 @@ def default_std(soil: Material, key: str) -> float:
     return STIFFNESS_STD
 
 
-def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: str) -> Assumption:
+def _assumption(
+    scene: Scene | Terrain, zones: tuple[str, ...], key: str, std: float, of: str
+) -> Assumption:
     """Another value of one property of some zones; the amplitude is the difference.
 
     It is called after its material, or the sensitivity that lists it (`of`).
@@ -103,8 +103,8 @@ def _assumption(scene: Scene, zones: tuple[str, ...], key: str, std: float, of: 
         screened=True,
     )
 
-    def change(setup: SectionSetup, amplitude: float) -> SectionSetup:
-        changes = property_changes(setup.scene, zones, key, amplitude)
-        return setup.with_scene(with_changes(setup.scene, changes, candidate.name))
+    def change(setup: AnySetup, amplitude: float) -> AnySetup:
+        changes = property_changes(setup.soil, zones, key, amplitude)
+        return setup.with_soil(with_changes(setup.soil, changes, candidate.name))
 
     return Assumption(candidate, change)

@@ -16,7 +16,7 @@ from diagnosis.hypotheses.assumption import (
     with_setting,
 )
 from diagnosis.hypotheses.model import Candidate, switch_of
-from inversion.estimation.forward import SectionSetup
+from inversion.estimation.forward import SectionSetup, Setup
 from mpm_taichi.effects import flowing_pore_water, liquefied_zones
 from pipeline.cli import InputError
 
@@ -26,39 +26,49 @@ LATENESS = "late_liquefaction"
 #: K0 of soil laid down in layers is about 1 - sin(phi), 0.4 to 0.5, and up to 1 where it was
 #: compacted or preloaded; one standard deviation where nothing is known.
 RATIO_STD = 0.25
-#: Values of K0 that the stress of soil can have.
+#: Values of K0 that the stress of soil can have: active pressure at 42 deg, and, by judgement, soil
+#: that was heavily preloaded.
 LOWEST_K0, HIGHEST_K0 = 0.2, 1.5
-#: Times by which a zone may have been late [s], and the share of them in which it held its peak.
+#: Times by which a zone may have been late [s], each about three times that before, and the share
+#: of them in which it held its peak. By judgement: a part of a slide's duration to all of it, and a
+#: fall that is fast but no jump.
 DELAYS, HOLD = (2.0, 6.0, 20.0), 0.8
 
 
 def assumptions(setup: SectionSetup, sensitivities: Sensitivities) -> Found:
     """What the start may have been."""
-    own = setup.settings.initial_stress
-    found, left_out = [], {}
-    if own != "settled":
-        words = "the section had settled before it slid"
-        found.append(_start(SETTLED, words, "settled"))
-    if own != "gravity_on":
-        if setup.has_strength_ratio:
-            left_out[SUDDEN] = "a strength ratio is of the stress before failure, which it lacks"
-        elif flowing_pore_water(setup.scene):
-            left_out[SUDDEN] = "pore water begins from the stress before failure, which it lacks"
-        else:
-            words = "the section had not settled: its weight came on all at once"
-            found.append(_start(SUDDEN, words, "gravity_on"))
-        found.append(_ratio(setup))
-    else:
-        left_out[RATIO] = "gravity comes on at once: there is no stress before"
+    flowing = flowing_pore_water(setup.scene)
+    found, left_out = stresses(setup, flowing=flowing)
     zones = liquefied_zones(setup.scene)
     if len(zones) < 2:
         left_out[LATE] = "one zone liquefied: none could be later than another"
-    elif flowing_pore_water(setup.scene):
+    elif flowing:
         left_out[LATE] = "pore water flows in the base model, which says when each liquefied"
     elif LATENESS in setup.scene.effects:
         left_out[LATE] = "the base model has late liquefaction already"
     else:
         found += [_late(setup, name) for name in zones]
+    return found, left_out
+
+
+def stresses(setup: Setup, *, flowing: bool = False) -> Found:
+    """Other stresses before the slide; `flowing`: pore water flows in the base model."""
+    own, what = setup.settings.initial_stress, setup.kind
+    found, left_out = [], {}
+    if own != "settled":
+        words = f"the {what} had settled before it slid"
+        found.append(_start(SETTLED, words, "settled"))
+    if own != "gravity_on":
+        if setup.has_strength_ratio:
+            left_out[SUDDEN] = "a strength ratio is of the stress before failure, which it lacks"
+        elif flowing:
+            left_out[SUDDEN] = "pore water begins from the stress before failure, which it lacks"
+        else:
+            words = f"the {what} had not settled: its weight came on all at once"
+            found.append(_start(SUDDEN, words, "gravity_on"))
+        found.append(_ratio(setup))
+    else:
+        left_out[RATIO] = "gravity comes on at once: there is no stress before"
     return found, left_out
 
 
@@ -68,7 +78,7 @@ def _start(name: str, words: str, initial_stress: str) -> Assumption:
     )
 
 
-def _ratio(setup: SectionSetup) -> Assumption:
+def _ratio(setup: Setup) -> Assumption:
     """Another K0 at the start; the amplitude is the difference from the base model's."""
     own = k0_of(setup)
     ladder = sorted(
@@ -89,11 +99,11 @@ def _ratio(setup: SectionSetup) -> Assumption:
     return Assumption(candidate, lambda s, change: with_setting(s, k0=own + change))
 
 
-def k0_of(setup: SectionSetup) -> float:
+def k0_of(setup: Setup) -> float:
     """K0 that the base model starts from: the setting, else the mean over its materials."""
     if setup.settings.k0 is not None:
         return setup.settings.k0
-    ratios = [soil.poisson_ratio for soil in setup.scene.materials.values()]
+    ratios = [soil.poisson_ratio for soil in setup.soil.materials.values()]
     return sum(nu / (1.0 - nu) for nu in ratios) / len(ratios)
 
 

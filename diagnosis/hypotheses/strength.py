@@ -19,8 +19,9 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import unary_union
 
 from diagnosis.hypotheses.assumption import Assumption, Found, Sensitivities
-from diagnosis.hypotheses.model import Candidate
+from diagnosis.hypotheses.model import Candidate, Curve
 from geometry.scenes.scene import Scene
+from inversion.engines.run_store import KeptRun
 from inversion.estimation.forward import SectionSetup
 from mpm_taichi.effects import effect, liquefied_zones
 from pipeline.cli import InputError
@@ -35,15 +36,25 @@ CONTRAST, PART = "strength_contrast", "part"
 CONTRAST_STD = float(np.log(2.0))
 #: What the thirds of a zone are called.
 ALONG, UPWARDS = ("left", "middle", "right"), ("lower", "middle", "upper")
-#: Places in each direction at which the extent of the zone is sampled.
+#: Places in each direction at which the extent of the zone is sampled: thirds to a hundredth of it.
 SAMPLES = 80
-#: Parts are moved by a strip or a layer, and are at least this share of one wide: so many places
-#: there are.
+#: Parts are moved by a strip or a layer. By judgement: half of them are hardly finer than thirds,
+#: and with twice of both a part pays ln 4895 for its place in place of ln 359.
 STRIPS, LAYERS = 8, 4
+#: Share of a strip or layer that a part is wide at least. By judgement: a few points are no part.
 LEAST_STEP = 0.75
+#: So many places there are: any strips side by side, any layers, but not all of the soil.
 PLACES = STRIPS * (STRIPS + 1) // 2 * (LAYERS * (LAYERS + 1) // 2) - 1
 #: Digits of a place in the name of a part, in hundredths of the zone's extent or finer.
 DIGITS = 2
+
+#: Knots of an unknown curve, each a run. By judgement: three show one bend, and few measurements
+#: see as many as ten.
+KNOTS = 5
+#: Their ranges, by judgement (no verdict depends on a curve, which is constant beyond): log10 of
+#: the rate of shear around that of a fall from the section's height; plastic shear strain; times of
+#: such a fall.
+RATES, STRAINS, FALLS = (-2.0, 1.0), (0.0, 2.0), 6.0
 
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _PART = re.compile(rf"{PART}(?:_x_{_NUMBER}_to_{_NUMBER})?(?:_y_{_NUMBER}_to_{_NUMBER})?")
@@ -196,3 +207,33 @@ def _part(name: str, words: str, x: Span | None, y: Span | None, digits: int = 2
         return setup.with_scene(setup.scene.changed(effects={**effects, CONTRAST: entry}))
 
     return Assumption(candidate, change)
+
+
+def strength_curves(setup: SectionSetup, run: KeptRun, zones: Sequence[str]) -> list[Curve]:
+    """Unknown curves over the range that the liquefied zones of a section have.
+
+    Args:
+        setup: the section.
+        run: of it; its stress before failure is what counts.
+        zones: that liquefied.
+    """
+    scene = setup.scene
+    places = [number for number, zone in enumerate(scene.zones) if zone.name in zones]
+    member = np.isin(run.zone, places)
+    stress = 1e-3 * np.percentile(run.vertical_stress[member], (5.0, 95.0))
+    x = np.percentile(run.initial[member, 0], (2.0, 98.0))
+    height = float(np.ptp(run.initial[:, 1]))
+    fall = np.sqrt(2.0 * height / setup.settings.gravity_m_per_s2)
+    rate = np.log10(1.0 / fall)
+    ranges = {
+        "strain_rate": ("rate of shear", "log10 of 1/s", (rate + RATES[0], rate + RATES[1])),
+        "strain": ("shear strain so far", "", STRAINS),
+        "time": ("time since the slide began", "s", (0.0, FALLS * fall)),
+        "overburden": ("vertical effective stress before failure", "kPa", stress),
+        "position": ("place before the slide", "m", x),
+    }
+    return [
+        Curve(variable, words, unit, tuple(np.linspace(low, high, KNOTS).tolist()))
+        for variable, (words, unit, (low, high)) in ranges.items()
+        if high > low
+    ]

@@ -37,7 +37,9 @@ FORM_WORDS: dict[WaterForm, str] = {
     "pore_pressure": "the water acts by its pressure, and the pool pushes what holds it back",
 }
 
-#: Depths that are tried, as shares of the height of the section or of the depth of its pool.
+#: Depths that are tried, as shares of the height of the section or of the depth of its pool, each
+#: about twice that before; the deepest that is believed. By judgement: a pool stands below the
+#: crest.
 DEPTHS, DEEPEST = (0.2, 0.4, 0.7), 0.95
 
 

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from diagnosis.adequacy.adequacy import Adequacy
 from diagnosis.hypotheses.model import Family
 from diagnosis.options import Options
+from diagnosis.reason import Reason
 from diagnosis.selection.evidence import credible_set, probabilities
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.tried_models import (
@@ -36,7 +37,6 @@ from diagnosis.selection.tried_models import (
 )
 from diagnosis.track_record import Figures, Verdicts, name_record
 
-TOO_OFTEN_WRONG = "explanations like it were wrong too often"
 #: Tests of how large the misfit is; the others are of its pattern, or of one measurement. Of 37
 #: verdicts `identified` two wrong ones stood by such a test that failed, and no right one.
 SIZES = ("chi2", "held_out")
@@ -53,7 +53,7 @@ class Decision:
         probability: of every explanation that was tried.
         untried: rivals of the answer that were wanted and could not be had.
         by_chance: random patterns that were accepted and name nothing; the final model is without.
-        not_enough: why what was accepted does not explain; empty: it does.
+        not_enough: why what was accepted is not the answer; None: it is.
         families: of the answer, where its members cannot be told apart.
         members: of these families, candidates that would do as well, the answer's own first.
         chance: that what is given is right, by what such explanations were worth where the truth
@@ -66,7 +66,7 @@ class Decision:
     probability: dict[tuple[str, ...], float]
     untried: tuple[tuple[str, ...], ...] = ()
     by_chance: tuple[str, ...] = ()
-    not_enough: str = ""
+    not_enough: Reason | None = None
     families: tuple[Family, ...] = ()
     members: tuple[str, ...] = ()
     chance: float | None = None
@@ -118,7 +118,7 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             sets,
             probability,
             untried,
-            not_enough="it takes several effects, and others would do",
+            not_enough=Reason(kind="others_would_do"),
         )
     figures = Figures.of(
         (explanation.nearest(name, final.model.names) for name in final.model.names),
@@ -133,7 +133,7 @@ def decide(tried_models: TriedModels, explanation: Explanation, options: Options
             final,
             sets,
             probability,
-            not_enough=TOO_OFTEN_WRONG,
+            not_enough=Reason(kind="too_often_wrong"),
             chance=chance,
         )
     return Decision(
@@ -155,8 +155,8 @@ def not_enough(
     options: Options,
     *,
     effects: int = 1,
-) -> str:
-    """Why an accepted model does not explain the measurements; empty: it does.
+) -> Reason | None:
+    """Why an accepted model does not explain the measurements; None: it does.
 
     What is named must explain, not only improve.
 
@@ -178,22 +178,22 @@ def not_enough(
     of_size = min(1.0, len(granted.tests) * min(other, default=1.0)) >= options.still_failing
     nearly = effects == 1 and left <= options.nearly_all and p >= options.nearly_failing
     # They also have a large error together, which would forgive nearly everything.
-    if effects > 1 and final.p_combined < options.several_failing:
-        return f"its tests still fail ({final.p_words})"
-    if p < options.still_failing and not (nearly and of_size):
-        return f"its tests still fail ({granted.p_words})"
+    several = effects > 1 and final.p_combined < options.several_failing
+    if several or (p < options.still_failing and not (nearly and of_size)):
+        failing = final if several else granted
+        return Reason(kind="tests_fail", of=failing.worst.name, numbers=[failing.p_combined])
     # A large false effect would forgive itself, since its error grows with it.
     if final.p_combined < options.still_failing and left > options.left_over:
-        return f"{100 * left:.0f} % of the misfit beyond noise is left"
+        return Reason(kind="misfit_left", numbers=[left])
     before, after = base.held_out, final.held_out
     rise = after.chi2 - before.chi2
     if after.p is not None and after.p < options.still_failing and rise > options.held_out_rise:
-        return f"the held-out misfit rises from {before.chi2:.1f} to {after.chi2:.1f}"
+        return Reason(kind="held_out_rises", numbers=[before.chi2, after.chi2])
     if after.p is not None and after.p < options.held_out_failing:
         left = (after.chi2 - after.n) / max(before.chi2 - before.n, 1e-9)
         if left > options.held_out_left:
-            return f"{100 * left:.0f} % of the excess misfit of the held-out data are left"
-    return ""
+            return Reason(kind="held_out_left", numbers=[left])
+    return None
 
 
 def explains(tried_models: TriedModels, options: Options) -> bool:

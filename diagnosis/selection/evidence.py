@@ -18,14 +18,14 @@ import math
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
-from scipy.stats import norm
 
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
 from pipeline.ties import ranked
 
-#: Least share of a Gaussian that can lie within the bounds; below, the fit is at its bound anyway.
+#: Least share of a Gaussian that can lie within the bounds, so that its logarithm exists: -28,
+#: after which nothing is accepted; below, the fit is at its bound anyway.
 LEAST_SHARE = 1e-12
 
 
@@ -119,7 +119,7 @@ def _share_of_two(
     rest = math.sqrt(max(covariance[1, 1] - slope * covariance[0, 1], 1e-300))
     centre = mean[1] + slope * (first - mean[0])
     inside = ndtr((high[1] - centre) / rest) - ndtr((low[1] - centre) / rest)
-    density = norm.pdf(first, mean[0], std[0])
+    density = np.exp(-(((first - mean[0]) / std[0]) ** 2) / 2.0) / math.sqrt(2.0 * math.pi) / std[0]
     return float(0.5 * (end - begin) * np.sum(weights * density * inside))
 
 

@@ -15,6 +15,7 @@ from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit, assess, judged
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.hypotheses.model import Model, Seeking
 from diagnosis.options import Options
+from diagnosis.reason import Reason
 from diagnosis.selection.explain import Explanation, explain, tested_candidates
 from diagnosis.selection.refit import FittedModel, judge, refit, weighed, with_own_derivative
 from diagnosis.selection.tried_models import why_not
@@ -31,7 +32,7 @@ class Extension:
         after: with the effect.
         judged: residual and noise of the model after.
         adequacy: its tests.
-        why_not: the condition for acceptance that fails; empty if none does.
+        why_not: the condition for acceptance that fails; None if none does.
         explanation: of the effects involved, against the base model.
     """
 
@@ -39,7 +40,7 @@ class Extension:
     after: FittedModel
     judged: ProjectedFit
     adequacy: Adequacy
-    why_not: str
+    why_not: Reason | None
     explanation: Explanation
 
 

@@ -39,6 +39,7 @@ from diagnosis.hypotheses.model import Proposal, Proposes
 from diagnosis.options import Options
 from diagnosis.selection.decide import Decision
 from diagnosis.selection.explain import Explanation
+from diagnosis.selection.selection import CONTENDERS
 from diagnosis.selection.tried_models import TriedModels
 from inversion.estimation.covariance import covariance, known, mean_of
 from inversion.estimation.data import Data
@@ -49,16 +50,20 @@ from inversion.estimation.unknowns import Unknowns
 from inversion.problem.state import Numerics, State
 from pipeline.ties import largest_place
 
-#: Explanations with less probability are not worth telling apart, and no more than this many are.
-LEAST_SHARE, MOST_RIVALS = 0.02, 4
-#: Weight of what an explanation is held against, where only it is to be told from each of them.
+#: Explanations with less probability are not worth telling apart. By judgement: a fifth of what all
+#: may have that stand outside the answer (`Options.credible`); `CONTENDERS` of them at most.
+LEAST_SHARE = 0.02
+#: Weight of what an explanation is held against, where only it is to be told from each of them:
+#: pairs of these weigh this times as much, 3 % in all among 60.
 AGAINST = 1e-3
 #: Separation in squared std beyond which a candidate counts as told from an answer: three of them.
 MOST_APART = 9.0
-#: A proposal that a larger share of the runs cannot read is none.
+#: A proposal that a larger share of the runs cannot read is none. By judgement: with none allowed
+#: one odd run strikes it out, with many they drop out of what is predicted of all proposals.
 MOST_UNREAD = 0.1
 #: Spreads of a prediction of which nothing is known, in units of the noise of a run: of its mean,
-#: of its slopes, of their products, and of what these do not describe.
+#: of its slopes, of their products, and of what these do not describe. By judgement: wide enough
+#: for the runs to decide, simple terms before the others.
 UNKNOWN = (300.0, 60.0, 20.0, 1.5)
 
 
@@ -221,7 +226,7 @@ class Foresight:
         """Explanations that still have some probability, the most probable first."""
         found: list[Rival] = []
         for names, weight in self.decision.probability.items():
-            if weight < least or len(found) == MOST_RIVALS:
+            if weight < least or len(found) == CONTENDERS:
                 break
             fit = self.tried_models.models[names].fit
             mean, slope = self._read(fit)

@@ -25,16 +25,18 @@ from diagnosis.selection.refit import FittedModel
 from diagnosis.selection.selection import ERROR_RUNS, Selection
 from diagnosis.selection.tried_models import why_not
 from diagnosis.signatures.confounding import representative
-from diagnosis.signatures.signatures import score_all, take_signatures
+from diagnosis.signatures.signatures import LEAST_FALL, score_all, take_signatures
 from pipeline.ties import ranked
 
-#: Candidates other than switches that are refitted because the parameters imitate them.
+#: Candidates other than switches that are refitted because the parameters imitate them: as many as
+#: a round refits by their score (`Options.refitted`).
 IMITATED = 4
-#: Switches and other single effects on top of which all others are tried.
+#: Switches and other single effects on top of which all others are tried. By judgement: each takes
+#: a derivative and one run of every other candidate; of one alone the other of a pair may be
+#: missed.
 FORMS, EFFECTS = 2, 3
-#: Fall of the sum of squares below which a single effect is nothing to build on.
-FALL = 2.0
-#: Pairs that are refitted.
+#: Pairs that are refitted, ten runs each. By judgement: one more than in a round, since their
+#: promises are by runs where one of the two fits.
 PAIRS = 3
 
 
@@ -141,7 +143,7 @@ def starts(selection: Selection) -> list[tuple[str, ...]]:
         if len(key) == 1
         and not models[key].unread
         and not known[key[0]].by_chance
-        and selection.base.fit.total - models[key].fit.total > FALL
+        and selection.base.fit.total - models[key].fit.total > LEAST_FALL
     }
     best_first = ranked(sorted(totals), lambda key: -totals[key])
     forms = [key for key in best_first if known[key[0]].switch]

@@ -19,18 +19,18 @@ import numpy as np
 from diagnosis.adequacy.adequacy import judged
 from diagnosis.hypotheses.model import Seeking
 from diagnosis.selection.explain import with_candidate
-from diagnosis.selection.refit import ANCHORED, JUDGES, FittedModel, refit
+from diagnosis.selection.refit import ANCHORED, JUDGES, LEVEL, FittedModel, refit
 from diagnosis.selection.selection import Selection
 from diagnosis.signatures.signatures import take_signatures
 from inversion.estimation.misfit import total_of
 from inversion.estimation.response_surface import Surface
 from pipeline.ties import largest
 
-#: Fall of the sum of squares that a place must promise beyond the one before it.
-PROMISE = 3.0
-#: Times that a thing is moved.
+#: Times that a thing is moved, a run of each of up to 12 neighbours and a refit each. By judgement:
+#: one side of a part crosses half of the strips, all of the layers.
 MOVES = 4
 #: A given place is moved if it takes this share off the sum of squares that the best single does.
+#: By judgement: a better place is not expected to double what a thing explains.
 WORTH = 0.5
 
 
@@ -62,7 +62,7 @@ def seek_places(selection: Selection, models: list[FittedModel]) -> list[FittedM
         # The same C for both: the errors of this place may have been found, those of that not.
         data = selection.explanation.context.of(moved).data
         here = total_of(data, now.fit.space, now.fit.prediction, now.fit.x)
-        if moved.fit.total > here - PROMISE:
+        if moved.fit.total > here - LEVEL:
             break
         now = moved
         found.append(now)
@@ -101,7 +101,7 @@ def _moved(selection: Selection, model: Seeking, now: FittedModel) -> FittedMode
             if np.all(np.isfinite(row - rows[0])):
                 s = found.system.project(found.system.augmented(row - rows[0]))
                 drops[other] = float(2.0 * s @ found.residual - s @ s)
-        drops = {other: drop for other, drop in drops.items() if drop > PROMISE}
+        drops = {other: drop for other, drop in drops.items() if drop > LEVEL}
         best = largest(drops, drops.__getitem__) if drops else None
     model.drop_placed([other for other in there if other != best])
     return None if best is None else _refitted(selection, model, now, best)

@@ -34,22 +34,30 @@ from inversion.estimation.surface_search import (
 from inversion.estimation.unknowns import UnknownAmplitude, Unknowns
 from pipeline.ties import smallest
 
-#: Turns of a refit, two runs each.
-TURNS = 4
-#: Times that a refit whose parameters end where its surrogate ends is anchored anew there.
+#: Turns of a refit, two runs each: once with each pair of jitters, of which a second time would
+#: bring the same noise.
+TURNS = len(JITTERS)
+#: Times that a refit whose parameters end where its surrogate ends is anchored anew there. By
+#: judgement: each takes a derivative and lets a strength move by a factor of 20.
 TIMES_ANEW = 2
-#: Sum of squares by which a model may be worse than a rival and still be worth them.
+#: Sum of squares by which a model may be worse than a rival and still be worth them. By judgement:
+#: 1 to 1,800 in probability; at half a valley that was walked badly would be given up.
 FAR = 15.0
-#: Combinations of ladder amplitudes that are tried as first guesses.
+#: Combinations of ladder amplitudes that are tried as first guesses; they cost time, but no run. By
+#: judgement: all of two ladders of six rungs each, and more than double.
 MOST_GUESSES = 100
-#: Jitters of the points that judge a refit; the second set where the first has moved it.
+#: Jitters of the points that judge a refit, none that a fit has seen (0 to 8): four halve the
+#: noise. The second set where the first has moved it.
 JUDGES = ((11, 12, 13, 14), (15, 16, 17))
-#: Amplitudes beyond the top of a ladder, in units of it.
+#: Amplitudes beyond the top of a ladder, in units of it, each 1.6 times that before, as far as
+#: a ladder is drawn out (`signatures.TOP_RAISED`).
 BEYOND = (1.6, 2.5, 4.0)
-#: Rise of the sum of squares at which a walk ends on a ladder; differences that count as none.
+#: Rise of the sum of squares at which a walk ends on a ladder, three standard deviations: a valley
+#: may lie behind a hill. Differences that count as none: noise gives as much to one amplitude in
+#: one case of twelve.
 HILL, LEVEL = 9.0, 3.0
-#: Runs that the prediction of a refit is worth, its noise averaged.
-ANCHORED = 4
+#: Runs that the prediction of a refit is worth, its noise averaged: as many as judge it.
+ANCHORED = len(JUDGES[0])
 
 
 @dataclass(frozen=True)

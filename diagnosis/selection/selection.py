@@ -32,16 +32,17 @@ from diagnosis.signatures.signatures import Signature, score_all, take_signature
 from inversion.estimation.budget import Runs
 from pipeline.ties import largest, ranked
 
-#: Runs that the error of an adopted model takes; they are kept for it.
+#: Runs that the error of an adopted model takes (itself, the second scheme, finer cells); they are
+#: kept for it.
 ERROR_RUNS = 3
-#: Refitted models of a step that are measured as the base model was, the best by their misfit: by
-#: the base model's C the true model of a slide had chi2 203 on 21 numbers, by its own 20.
-MEASURED = 4
+#: Refitted models of a step that get runs of their own, at most. The best by their misfit are
+#: measured as the base model was: by its C the true model of a slide had chi2 203 on 21 numbers, by
+#: its own 20. Those near the best, itself among them, are put on equal terms with it. By judgement:
+#: each takes 10 to 20 runs; with two the true one may stand third.
+CONTENDERS = 4
 #: Models within so much ln evidence of the best are judged by fresh jitters, as it is: a derivative
 #: of its own is worth 0.7 to 2.6 to a model.
 NEAR_BEST = 3.0
-#: Models within that of the best that are put on equal terms with it, itself among them.
-CONTENDERS = 4
 
 
 @dataclass
@@ -164,7 +165,7 @@ class Selection:
         """
         least = self.options.least_drop / 2.0
         better = [m for m in models if before.fit.total - m.fit.total > least and not m.unread]
-        for model in ranked(better, lambda model: -model.fit.total)[:MEASURED]:
+        for model in ranked(better, lambda model: -model.fit.total)[:CONTENDERS]:
             found = model if model.judged else self.judged(model.names)
             self._keep(self._measured(found))
         return [self.tried.models[model.names] for model in models]

@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.adequacy.adequacy import Adequacy, ProjectedFit
 from diagnosis.options import Options
+from diagnosis.reason import Reason
 from diagnosis.selection.effect_error import weighed_again
 from diagnosis.selection.refit import FittedModel, RefitContext
 from diagnosis.signatures.signatures import Scores
@@ -52,7 +53,7 @@ class TriedModels:
 
     models: dict[tuple[str, ...], FittedModel] = field(default_factory=dict)
     way: list[AdoptedModel] = field(default_factory=list)
-    first: dict[str, tuple[FittedModel, str]] = field(default_factory=dict)
+    first: dict[str, tuple[FittedModel, Reason | None]] = field(default_factory=dict)
     untried: list[tuple[str, ...]] = field(default_factory=list)
     context: RefitContext | None = None
     doubted: Adequacy | None = None
@@ -70,8 +71,8 @@ class TriedModels:
 
 def why_not(
     before: FittedModel, after: FittedModel, options: Options, *, together: float | None = None
-) -> str:
-    """The condition for acceptance that fails; empty if none does.
+) -> Reason | None:
+    """The condition for acceptance that fails; None if none does.
 
     Args:
         before: the model so far.
@@ -80,21 +81,21 @@ def why_not(
         together: ln evidence of all that were tried, in place of that of this model alone.
     """
     if after.unread:
-        return "none of its runs could be read"
+        return Reason(kind="unread")
     gain = after.ln_evidence - before.ln_evidence
     drop = before.fit.total - after.fit.total
     if drop <= options.least_drop:
-        return f"chi2 falls by {drop:.1f} only; {options.least_drop:g} are asked for"
+        return Reason(kind="small_fall", numbers=[drop, options.least_drop])
     if (gain if together is None else together - before.ln_evidence) <= options.least_gain:
-        return f"ln evidence rises by {gain:.1f} only; {options.least_gain:g} are asked for"
+        return Reason(kind="small_gain", numbers=[gain, options.least_gain])
     if parameter := at_new_bound(before, after):
-        return f"{parameter} is at its bound, where the evidence means nothing"
+        return Reason(kind="at_bound", of=parameter)
     held_out = after.held_out
     worse = before.held_out.ln_density - held_out.ln_density
     failing = held_out.p is not None and held_out.p < options.suspect
     if failing and worse > options.worse_held_out * gain:
-        return f"held-out misfit rises from {before.held_out.chi2:.1f} to {held_out.chi2:.1f}"
-    return ""
+        return Reason(kind="held_out_rises", numbers=[before.held_out.chi2, held_out.chi2])
+    return None
 
 
 def at_new_bound(before: FittedModel, after: FittedModel) -> str:

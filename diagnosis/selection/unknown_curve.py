@@ -25,9 +25,11 @@ from inversion.estimation.surface_search import settled
 from inversion.estimation.unknowns import Scale, UnknownAmplitude, Unknowns
 from pipeline.ties import largest, ranked
 
-#: Standard deviation of a coefficient beforehand, in the logarithm of the strength.
+#: Standard deviation of a coefficient beforehand, in the logarithm of the strength. By judgement: a
+#: factor of 1.8, about that of parts of one soil (`hypotheses.strength.CONTRAST_STD`).
 PRIOR_STD = 0.6
-#: Variables whose curves are calibrated, the others are only estimated.
+#: Variables whose curves are calibrated, the others are only estimated. By judgement: an estimate
+#: is linear, so that the second may be the best; each takes about 12 runs.
 CALIBRATED = 2
 
 

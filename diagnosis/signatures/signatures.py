@@ -37,13 +37,17 @@ from inversion.estimation.response_surface import Ladder, Surface
 from inversion.estimation.unknowns import Scale
 from pipeline.ties import RELATIVE, largest, ranked
 
-#: Farthest that a parameter is moved to meet an effect.
+#: Farthest that a parameter is moved to meet an effect: half of how far a surrogate is believed
+#: (`response_surface.REACH`), a strength 4.5 times as large.
 FARTHEST = 1.5
-#: A top rung of which less is seen, |s|, is raised, at most by the second factor.
+#: A top rung of which less is seen, |s|, is raised, at most by the second factor. By judgement:
+#: more than twice what is found with near certainty (`Options.detectable`); farther up the
+#: amplitude is no longer what its ladder calls large.
 TOP_SEEN, TOP_RAISED = 8.0, 4.0
-#: Fall of the sum of squares that a screened candidate must promise to be looked at more closely.
-PROMISE = 2.0
-#: Amplitudes that are run before who watches is told.
+#: Fall of the sum of squares that a single candidate must promise to be looked at more closely, or
+#: have made to be built on: noise gives as much to one amplitude in one case of six.
+LEAST_FALL = 2.0
+#: Amplitudes that are run before who watches is told. By judgement: it decides nothing.
 AT_ONCE = 12
 
 
@@ -100,7 +104,7 @@ def take_signatures(
 
     Where the allowance does not cover all, the largest come before the smallest. A candidate all of
     whose runs failed is not among the answers. Of a candidate that is screened the first amplitude
-    is run alone, unless it promises to lower the sum of squares by `PROMISE`, up or down.
+    is run alone, unless it promises to lower the sum of squares by `LEAST_FALL`, up or down.
 
     Args:
         runs: the model.
@@ -127,7 +131,7 @@ def take_signatures(
             if found is None
             or not c.screened
             or c.name not in raw
-            or _promise(found, c, *raw[c.name]) >= PROMISE
+            or _promise(found, c, *raw[c.name]) >= LEAST_FALL
         ]
         middles = [(c.name, a) for c in kept for a in _middles(c) if not c.switch]
         ladders.run([(name, a, ladders.meeting(name, a)) for name, a in middles])

@@ -19,8 +19,9 @@ from pipeline.cli import InputError
 
 FILE_NAME = "sections.npz"
 LEAST_HEIGHT = 0.05
-"""Where less soil than this stands [m] no surface is drawn."""
+"""Where less soil than this stands [m] no surface is drawn: by judgement, a film on the ground."""
 PLACES = 400
+"""At which a surface is drawn: by judgement, finer than a picture shows."""
 
 Points = tuple[np.ndarray, np.ndarray]
 

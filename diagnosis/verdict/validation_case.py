@@ -24,9 +24,10 @@ from inversion.problem.state import State, state
 if TYPE_CHECKING:
     from diagnosis.session import Session
 
-#: Change of a strength for its derivative.
+#: Change of a strength for its derivative: near the shortest step that is taken anywhere
+#: (`derivatives.SHORTEST`), so that no curvature shows.
 STRONGER = 1.1
-#: Jitters whose mean is the prediction, and whose spread its noise.
+#: Jitters whose mean is the prediction, and whose spread its noise: as many as judge a refit.
 SEEDS = 4
 
 

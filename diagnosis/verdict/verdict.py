@@ -11,9 +11,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from diagnosis.hypotheses.model import Family
+from diagnosis.reason import WhyNot
 from diagnosis.track_record import Verdicts
 from inversion.back_analysis.result import FittedTo
 from inversion.estimation.data import Role
@@ -81,7 +82,16 @@ class Answer(StrictDocument):
     members: list[str] = Field(
         default_factory=list, description="of these families, the best first; each would do as well"
     )
-    not_enough: str = Field("", description="why what was accepted is not the answer; empty: it is")
+    not_enough: WhyNot = Field(
+        None, description="why what was accepted is not the answer; null: it is"
+    )
+    by_chance: list[str] = Field(
+        default_factory=list,
+        description="random patterns that were accepted, each one of many, and name nothing",
+    )
+    untried: list[list[str]] = Field(
+        default_factory=list, description="rivals that the runs allowed did not suffice to try"
+    )
     chance: float | None = Field(
         None,
         description="that an explanation like this is right, where the truth is known; null: "
@@ -91,7 +101,7 @@ class Answer(StrictDocument):
     @property
     def would_explain(self) -> bool:
         """It explains, and is not given: such explanations were too often wrong."""
-        return bool(self.not_enough) and self.chance is not None
+        return self.not_enough is not None and self.chance is not None
 
 
 class QuotedValue(StrictDocument):
@@ -229,7 +239,7 @@ class Refit(StrictDocument):
     ln_evidence: float = Field(description="gain over the model before, odds included")
     held_out_chi2: float | None = Field(description="null: nothing was held out")
     accepted: bool = Field(description="passes every condition")
-    why_not: str = Field(description="the condition that failed; empty if accepted")
+    why_not: WhyNot = Field(description="the condition that failed; null if accepted")
 
 
 class CandidateVerdict(StrictDocument):
@@ -369,12 +379,22 @@ class Runs(StrictDocument):
     cut_short: list[str] = Field(description="what was left out because the allowance ran out")
 
 
-class CompareDocument(StrictDocument):
-    """`compare.json`: is the base model adequate, and where does it fail?"""
+class _Document(StrictDocument):
+    """What all documents have."""
 
     case: str = Field(description="name of the case")
     title: str = Field(description="name in words")
-    sentence: str = Field(description="the finding")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_earlier_files(cls, raw: Any) -> Any:
+        """In files of earlier versions the finding is a sentence as well."""
+        return {k: v for k, v in raw.items() if k != "sentence"} if isinstance(raw, dict) else raw
+
+
+class CompareDocument(_Document):
+    """`compare.json`: is the base model adequate, and where does it fail?"""
+
     alarm: Literal["adequate", "suspect", "alarm"] = Field(description="by the combined p")
     parameters: list[ParameterWords] = Field(
         default_factory=list, description="what is calibrated, in words"
@@ -387,12 +407,9 @@ class CompareDocument(StrictDocument):
     runs: Runs = Field(description="forward runs")
 
 
-class ExplainDocument(StrictDocument):
+class ExplainDocument(_Document):
     """`explain.json`: ranked candidates, what looks alike, what could hide."""
 
-    case: str = Field(description="name of the case")
-    title: str = Field(description="name in words")
-    sentence: str = Field(description="the finding")
     parameters: list[ParameterWords] = Field(
         default_factory=list, description="what is calibrated, in words"
     )
@@ -406,12 +423,9 @@ class ExplainDocument(StrictDocument):
     runs: Runs = Field(description="forward runs")
 
 
-class Verdict(StrictDocument):
+class Verdict(_Document):
     """The whole of `verdict.json`."""
 
-    case: str = Field(description="name of the case")
-    title: str = Field(description="name in words")
-    sentence: str = Field(description="the verdict in one sentence")
     verdict: Verdicts = Field(description="among the effects tested")
     tested: list[str] = Field(description="effects that were tested")
     forbidden: list[str] = Field(description="effects that the engineer ruled out")

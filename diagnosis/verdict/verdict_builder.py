@@ -1,4 +1,4 @@
-"""`compare.json`, `explain.json` and `verdict.json`, each with a sentence in words.
+"""`compare.json`, `explain.json` and `verdict.json`.
 
 In: the comparison, explanation, trials and decision. Out: documents of
 `diagnosis.verdict.verdict`.
@@ -15,9 +15,9 @@ import numpy as np
 from diagnosis.adequacy.compare import Comparison
 from diagnosis.adequacy.windows import worst_window
 from diagnosis.diagnose import Diagnosis
-from diagnosis.hypotheses.model import FAMILY_WORDS, Candidate, Model
+from diagnosis.hypotheses.model import Candidate, Model
 from diagnosis.options import Options
-from diagnosis.selection.decide import Decision
+from diagnosis.reason import Reason
 from diagnosis.selection.explain import Explanation
 from diagnosis.selection.next_measurement import Suggestion
 from diagnosis.selection.quoted_strength import (
@@ -53,12 +53,10 @@ def compare_document(
 ) -> verdict.CompareDocument:
     """`compare.json`."""
     base = comparison.base
-    judged = alarm(comparison.adequacy.p_combined, options)
     return verdict.CompareDocument(
         case=case,
         title=title,
-        sentence=comparison_sentence(comparison, options),
-        alarm=judged,
+        alarm=alarm(comparison.adequacy.p_combined, options),
         parameters=parameter_words(model.parameters),
         fitted_to=fitted_to_part(base, model.targets),
         base=base_stage(model, comparison),
@@ -88,7 +86,6 @@ def explain_document(
     return verdict.ExplainDocument(
         case=case,
         title=title,
-        sentence=explanation_sentence(explanation, options),
         parameters=parameter_words(model.parameters),
         base=base_stage(model, comparison, explanation),
         candidates=candidate_lines(model, explanation, options, left_out=left_out),
@@ -104,48 +101,6 @@ def alarm(p: float, options: Options) -> str:
     if p < options.alarm:
         return "alarm"
     return "suspect" if p < options.suspect else "adequate"
-
-
-def comparison_sentence(comparison: Comparison, options: Options) -> str:
-    """The finding of `compare`."""
-    adequacy, window = comparison.adequacy, comparison.window
-    judged = alarm(adequacy.p_combined, options)
-    numbers = f"chi2 {adequacy.chi2:.1f} on {adequacy.dof} degrees of freedom"
-    if judged == "adequate":
-        p = f"combined p {adequacy.p_combined:.2g}"
-        return f"The base model explains the measurements within their errors ({numbers}, {p})."
-    worst = largest(adequacy.groups, lambda group: group.z) if adequacy.groups else None
-    where = "" if worst is None else f"; farthest off is {worst.name}"
-    if window is not None and window.p < options.suspect:
-        unit = {"x_m": "m", "time_s": "s"}.get(window.axis, "")
-        where = (
-            f"; it fails most along {window.measurement}, {window.begin:g} to {window.end:g} {unit}"
-        )
-    verb = "may not explain" if judged == "suspect" else "does not explain"
-    said = f"{numbers}, combined {adequacy.p_words}"
-    return f"The base model {verb} the measurements ({said}){where}."
-
-
-def explanation_sentence(explanation: Explanation, options: Options) -> str:
-    """The finding of `explain`."""
-    scores = explanation.scores
-    ranked = [name for name in explanation.names if scores.best(name).drop > 0.0]
-    if not ranked:
-        return "None of the effects tested would lower the misfit."
-    best = ranked[0]
-    words = {candidate.name: candidate.words for candidate in explanation.candidates}
-    p = scores.p_family[best]
-    if p >= options.alarm:
-        return (
-            f"No effect stands out among the {len(explanation.names)} tested: the best score, that "
-            f"of {best}, comes of noise alone with p {p:.2g}."
-        )
-    alike = explanation.alike(best, options.inseparable)
-    tail = f" These data cannot tell it from {', '.join(alike)}." if alike else ""
-    return (
-        f"Of {len(explanation.names)} effects tested {best} promises most: {words[best]} "
-        f"(chi2 would fall by {scores.best(best).drop:.0f}, family-wise p {p:.2g}).{tail}"
-    )
 
 
 def base_stage(
@@ -286,7 +241,7 @@ def _untested(name: str, candidate: Candidate | None, why: str) -> verdict.Candi
 
 
 def refit_part(
-    name: str, data: Data, before: FittedModel, after: FittedModel, why_not: str
+    name: str, data: Data, before: FittedModel, after: FittedModel, why_not: Reason | None
 ) -> verdict.Refit:
     """The model with an effect, against the model before."""
     fit = after.fit
@@ -303,7 +258,7 @@ def refit_part(
         drop=before.fit.total - fit.total,
         ln_evidence=after.ln_evidence - before.ln_evidence,
         held_out_chi2=after.held_out.chi2 if after.held_out.n else None,
-        accepted=not why_not,
+        accepted=why_not is None,
         why_not=why_not,
     )
 
@@ -374,7 +329,6 @@ def verdict_document(
     return verdict.Verdict(
         case=case,
         title=title,
-        sentence=sentence(found),
         verdict=found.decision.verdict,
         tested=sorted(explanation.names),
         forbidden=sorted(found.options.forbidden),
@@ -446,108 +400,6 @@ def _proposed(one: Suggestion) -> verdict.NextMeasurement:
     )
 
 
-def sentence(found: Diagnosis) -> str:
-    """The verdict in one sentence."""
-    decision, final = found.decision, found.decision.final
-    base = found.tried_models.way[0].adequacy
-    among = f"among the {len(found.explanation.names)} effects tested"
-    match decision.verdict:
-        case "adequate" if found.model.targets.limits_alone:
-            return (
-                "Nothing ran. Any strength above the limit of flow explains that, so nothing can "
-                f"be seen to be missing {among}."
-            )
-        case "adequate":
-            return (
-                "The base model explains the measurements within their errors "
-                f"(p {base.p_combined:.2g}); nothing is missing {among}."
-            )
-        case "suspect":
-            return (
-                f"The base model is suspect ({base.p_words}), but no effect {among} improves it "
-                "enough to be named."
-            )
-        case "unknown_effect" if decision.by_chance:
-            return (
-                f"The base model does not explain the measurements ({base.p_words}). Best {among} "
-                f"fits {_joined(decision.by_chance)}, one random pattern of many, which names "
-                "nothing: what is missing varies from place to place."
-            )
-        case "unknown_effect" if decision.chance is not None:
-            return (
-                f"{_joined(final.model.names).capitalize()} would explain the measurements, "
-                f"{_fall(found)}, and {'are' if len(final.model.names) > 1 else 'is'} not named "
-                f"{among}: {decision.not_enough}.{_chance(decision)}"
-            )
-        case "unknown_effect" if final.model.names:
-            does = "improve" if len(final.model.names) > 1 else "improves"
-            left = largest(final.adequacy.groups, lambda group: group.z)
-            return (
-                f"{_joined(final.model.names).capitalize()} {does} the model, {_fall(found)}, and "
-                f"{'do' if does == 'improve' else 'does'} not explain the measurements: "
-                f"{decision.not_enough}, {_words(left.name)} above all. Something else is "
-                f"missing as well, or instead, {among}; no name is given."
-            )
-        case "unknown_effect":
-            return (
-                f"The base model does not explain the measurements ({base.p_words}), and no effect "
-                f"{among} does."
-            )
-        case "identified" if decision.families:
-            doubted = " and ".join(FAMILY_WORDS[family] for family in decision.families)
-            members = _joined(decision.members, " or ")
-            return (
-                f"The measurements ask for {doubted}, {among}; these data cannot tell which: "
-                f"{members}. With {_joined(final.model.names)} {_fall(found)}.{_chance(decision)}"
-            )
-        case "identified":
-            return (
-                f"The measurements ask for {_joined(final.model.names)}, {among}: {_fall(found)}."
-                f"{_chance(decision)}"
-            )
-        case _:
-            rivals = [_joined(names) if names else "none" for names in decision.sets]
-            if decision.untried:
-                rivals.append("what could not be tried within the runs allowed")
-            return (
-                f"The measurements ask for one of {'; '.join(rivals)}, {among}: {_fall(found)}."
-                f"{_chance(decision)}"
-            )
-
-
-def _chance(decision: Decision) -> str:
-    """What explanations like this one were worth."""
-    if decision.chance is None:
-        return ""
-    among = "it was among explanations like these"
-    right = "explanations like this one were right"
-    said = among if decision.verdict == "ambiguous" else right
-    return f" Where the truth is known, {said} in {100 * decision.chance:.0f} of 100."
-
-
-def _fall(found: Diagnosis) -> str:
-    """How far the error falls."""
-    before, after = found.tried_models.way[0], found.decision.final
-    text = (
-        f"chi2 falls from {before.adequacy.chi2:.0f} to {after.adequacy.chi2:.0f} "
-        f"(noise {after.adequacy.dof})"
-    )
-    if after.adequacy.held_out.n:
-        text += (
-            f", on held-out data from {before.adequacy.held_out.chi2:.1f} to "
-            f"{after.adequacy.held_out.chi2:.1f} (noise {after.adequacy.held_out.n})"
-        )
-    return text
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _joined(names: Sequence[str], word: str = " and ") -> str:
-    return word.join(map(_words, names))
-
-
 def _answer(found: Diagnosis) -> verdict.Answer:
     words = {c.name: (c.unit, c.words) for c in found.model.candidates}
     final = found.decision.final
@@ -559,6 +411,8 @@ def _answer(found: Diagnosis) -> verdict.Answer:
         families=list(found.decision.families),
         members=list(found.decision.members),
         not_enough=found.decision.not_enough,
+        by_chance=list(found.decision.by_chance),
+        untried=[list(names) for names in found.decision.untried],
         chance=found.decision.chance,
     )
 
@@ -656,7 +510,7 @@ def _refits(found: Diagnosis) -> dict[str, verdict.Refit]:
     before = found.tried_models.way[0].model
     refits = {}
     for name, (after, why) in found.tried_models.first.items():
-        if not why and name in found.explanation.by_chance:
-            why = "one random pattern of many"
+        if why is None and name in found.explanation.by_chance:
+            why = Reason(kind="by_chance")
         refits[name] = refit_part(name, _data_of(found, after), before, after, why)
     return refits

@@ -150,7 +150,7 @@ def refuse_in_3d(arguments: argparse.Namespace, given: Mapping[str, object]) -> 
         InputError: the first of them.
     """
     shared = {
-        "--device cuda": arguments.device != "cpu",
+        "--device cuda": getattr(arguments, "device", "cpu") != "cpu",
         "--effects": arguments.effect_files,
         "--measurements-code": arguments.measurement_files,
     }

@@ -20,6 +20,7 @@ from diagnosis.verdict.verdict import (
 from flowslide.studio.job_answers import Found, as_found, strength_found
 from report.numbers import number, with_unit
 from report.sentences.diagnosis import UNEXPLAINED, quoted_value, refuted_sentence
+from report.sentences.finding import headline
 
 MOST_NEXT, MOST_TRIED = 2, 5
 """Measurements to make next that a line names; effects besides the answer that can be switched."""
@@ -30,7 +31,7 @@ LEAST_PROMISE = 1.0
 def comparison(document: CompareDocument) -> Found:
     """The finding, and the values that fit best."""
     return as_found(
-        [document.sentence],
+        [headline(document)],
         effects=_switched(document.base, document.base, is_result=document.alarm != "alarm"),
     )
 
@@ -43,12 +44,14 @@ def explanation(document: ExplainDocument) -> Found:
         if number(one.amplitude_by_score or 0.0) != "0"
         and (one.expected_drop or 0.0) > LEAST_PROMISE
     ]
-    return as_found([document.sentence], effects=_switched(document.base, document.base, promising))
+    return as_found(
+        [headline(document)], effects=_switched(document.base, document.base, promising)
+    )
 
 
 def verdict(document: Verdict) -> Found:
     """The verdict, the strength to use, and what to measure next."""
-    lines = [f"{document.verdict.replace('_', ' ').capitalize()}. {document.sentence}"]
+    lines = [f"{document.verdict.replace('_', ' ').capitalize()}. {headline(document)}"]
     strengths = []
     for p in document.parameters:
         used = document.quoted.get(p.name)

@@ -13,7 +13,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -24,7 +24,7 @@ from shapely.ops import unary_union
 from geometry.scenes.scene import Scene
 from geometry.sides import SIDES, Side
 from geometry.survey.marks import Mark
-from geometry.survey.quantity import OneNumber, Quantity
+from geometry.survey.quantity import Along, Datum, OneNumber, Quantity
 from pipeline.files import content_hash
 
 if TYPE_CHECKING:
@@ -139,36 +139,6 @@ class Reading:
     trouble: str = ""
 
 
-@dataclass(frozen=True)
-class Along:
-    """Where or when the numbers of a measurement were taken.
-
-    Attributes:
-        axis: x of the section, or time.
-        place: (m,) in m or s.
-        series: the numbers follow each other along the axis.
-    """
-
-    axis: Literal["x_m", "time_s"]
-    place: np.ndarray
-    series: bool
-
-
-@dataclass(frozen=True)
-class Datum:
-    """How an error of the survey's datum enters the numbers.
-
-    Attributes:
-        rise: change of each number if the datum is 1 m too high, (m,).
-        x: where it was levelled, (m,) [m]; NaN: nowhere, or not known.
-        line: the numbers are a levelled line, whose standard deviation is that of the datum.
-    """
-
-    rise: np.ndarray
-    x: np.ndarray
-    line: bool
-
-
 class Measured(Quantity):
     """Base of all types of measurement on a section.
 
@@ -266,10 +236,6 @@ class Measured(Quantity):
     def soil_at(self, feet: Mapping[Side, float]) -> list[float]:
         """Places to which, as far as this says, soil reached, x [m]; `feet` as for `check_in`."""
         return []
-
-    def without_hold_out(self) -> Self:
-        """The same entry without its own statement of what is held out."""
-        return self.model_copy(update={"held_out": False})
 
     # --- what follows from it ---
 

@@ -8,6 +8,7 @@ slide in three dimensions by `geometry.survey3d.measured`. What fits a model to 
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
@@ -16,6 +17,38 @@ from pydantic import Field
 from geometry.scenes.scene import Document
 
 Confidence = Literal["published", "paper", "secondary", "recalled", "assumed", "constructed"]
+
+
+@dataclass(frozen=True)
+class Along:
+    """Where or when the numbers of a measurement were taken.
+
+    Attributes:
+        axis: x of the section, or time.
+        place: (m,) in m or s.
+        series: the numbers follow each other along the axis.
+    """
+
+    axis: Literal["x_m", "time_s"]
+    place: np.ndarray
+    series: bool
+
+
+@dataclass(frozen=True)
+class Datum:
+    """How an error of the survey's datum enters the numbers.
+
+    Attributes:
+        rise: change of each number if the datum is 1 m too high, (m,).
+        x: where it was levelled, (m,) [m]; NaN: nowhere, or not known.
+        line: the numbers are levelled, and their standard deviation is that of the datum.
+        y: the same across x, of what was levelled in plan; None: on a section.
+    """
+
+    rise: np.ndarray
+    x: np.ndarray
+    line: bool
+    y: np.ndarray | None = None
 
 
 class Quantity(Document):
@@ -70,9 +103,23 @@ class Quantity(Document):
         """A distance that the soil ran: the loss `runout` fits nothing else."""
         return False
 
+    @property
+    def along(self) -> Along | None:
+        """Where or when the numbers were taken along a line; None: they have no such place."""
+        return None
+
+    @property
+    def datum(self) -> Datum | None:
+        """How the survey's datum enters the numbers; None: not at all."""
+        return None
+
     def correlation(self) -> np.ndarray:
         """Correlation of the errors of the values, (m, m)."""
         return np.eye(len(self.values))
+
+    def without_hold_out(self) -> Self:
+        """The same entry without its own statement of what is held out."""
+        return self.model_copy(update={"held_out": False})
 
     # --- what follows from it ---
 

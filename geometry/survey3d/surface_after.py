@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr
 
 from geometry.scenes.fill import contains
 from geometry.scenes.scene import Point
+from geometry.survey.quantity import Datum
 from geometry.survey3d.measured import DepositMap, MapPlaces
 from geometry.terrain.raster import Raster, read_raster
 from pipeline.cli import InputError
@@ -102,6 +103,12 @@ class SurfaceAfter(MapPlaces):
         if self._values is None:
             raise RuntimeError(f"{self.name}: its raster has not been read; see load_survey")
         return self._values
+
+    @property
+    def datum(self) -> Datum:
+        """All of it was levelled."""
+        x, y = self.places.T
+        return Datum(np.ones(len(x)), x, line=True, y=y)
 
     def with_values(self, values: np.ndarray) -> Self:
         """The same squares at other elevations, (m,) [m]."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -59,13 +58,13 @@ def deviating(
     for one in uncertain:
         if isinstance(one, ZoneBoundary | UnknownDimension):
             raise InputError(f"{where}: kind {one.kind}: {LEFT_OUT}")
-    soil = setup.scene.soil
+    soil = setup.soil
     if (rise := _rise(uncertain, scores)) is not None:
         if not isinstance(soil, Terrain) or soil.water_level is None:
             raise InputError(f"{where}: only of a terrain with a water_level")
         soil = soil.model_copy(update={"water_level": soil.water_level + rise})
-    soil = _other_soil(soil, setup.scene.soil, uncertain, scores, where)
-    return replace(setup, scene=setup.scene.with_soil(soil))
+    soil = _other_soil(soil, setup.soil, uncertain, scores, where)
+    return setup.with_soil(soil)
 
 
 def _with_dimensions(

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from geometry.scenes.scene import scene_from_mapping
-from geometry.scenes3d.scene3d import Scene3d
+from geometry.scenes.scene import Scene, scene_from_mapping
+from geometry.scenes3d.scene3d import Scene3d, Terrain
 from geometry.survey3d.measured import DepositMap, MapMeasured
 from inversion.estimation.data import Targets
 from inversion.estimation.forward import Prediction, Setup
-from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO
+from inversion.problem.question import RESIDUAL_STRENGTH, STRENGTH_RATIO, STRENGTHS
 from inversion.problem.scene_changes import with_properties
 from inversion.problem.state import simulated
 from pipeline.cli import InputError
@@ -65,6 +65,7 @@ class BodySetup(Setup):
         jitter: points move by up to this times the spacing / 2, each way.
         jitter_seed: of the jitter.
         over_time: the volume across each line is kept over time.
+        factors: zone -> by how much more strength it has than its parameter says.
     """
 
     scene: Scene3d
@@ -72,9 +73,20 @@ class BodySetup(Setup):
     jitter: float = 0.0
     jitter_seed: int = 0
     over_time: bool = False
+    factors: Mapping[str, float] = field(default_factory=dict)
 
     #: A map is many numbers, each with its own noise.
     widest_log = 0.4
+    kind = "body"
+
+    @property
+    def soil(self) -> Scene | Terrain:
+        """See `Setup`."""
+        return self.scene.soil
+
+    def with_soil(self, soil: Scene | Terrain) -> Self:
+        """See `Setup`."""
+        return replace(self, scene=self.scene.with_soil(soil))
 
     @property
     def seed(self) -> int:
@@ -89,9 +101,9 @@ class BodySetup(Setup):
     def scene_at(self, values: np.ndarray) -> Scene3d:
         """The body with values (p,) of the parameters put in."""
         changes = [
-            change
-            for spec, value in zip(self.parameters.specs, values, strict=True)
-            for change in spec.changes(simulated(value))
+            (zone, key, value * self.factors.get(zone, 1.0) if key in STRENGTHS else value)
+            for spec, own in zip(self.parameters.specs, values, strict=True)
+            for zone, key, value in spec.changes(simulated(own))
         ]
         return self.scene.with_soil(with_properties(self.scene.soil, changes))
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from geometry.dimensions.family import SectionFamily
 from geometry.scenes.scene import Scene, scene_from_mapping
-from geometry.scenes3d.scene3d import Scene3d
+from geometry.scenes3d.scene3d import Scene3d, Terrain
 from geometry.sides import Side
 from geometry.survey.measured import Deposit, Measured, Reading
 from inversion.estimation.data import Targets
@@ -47,6 +47,8 @@ class Setup(ABC):
 
     #: Widest finite difference of a logarithm.
     widest_log: ClassVar[float] = 0.15
+    #: What slides, in a word.
+    kind: ClassVar[str] = "section"
 
     @abstractmethod
     def scene_at(self, values: np.ndarray) -> Scene | Scene3d:
@@ -75,6 +77,15 @@ class Setup(ABC):
 
     @property
     @abstractmethod
+    def soil(self) -> Scene | Terrain:
+        """What has its zones and materials."""
+
+    @abstractmethod
+    def with_soil(self, soil: Scene | Terrain) -> Self:
+        """The setup of another section, or of another terrain on the same rasters."""
+
+    @property
+    @abstractmethod
     def seed(self) -> int:
         """Of the jitter of its points."""
 
@@ -82,6 +93,14 @@ class Setup(ABC):
     @abstractmethod
     def least_move_m(self) -> float:
         """By how much a fitted number must differ from before the slide, for soil to have moved."""
+
+    @property
+    def has_strength_ratio(self) -> bool:
+        """Some soil has a strength in proportion to its stress before failure, known or not."""
+        soils = self.soil.materials.values()
+        return any(spec.property == STRENGTH_RATIO for spec in self.parameters.specs) or any(
+            soil.strength_ratio is not None for soil in soils
+        )
 
     def at(self, values: np.ndarray) -> Request:
         """One run of this reading, with values (p,) of its parameters."""
@@ -121,6 +140,16 @@ class SectionSetup(Setup):
         return replace(self, scene=self.scene.changed(jitter=jitter, seed=seed))
 
     @property
+    def soil(self) -> Scene:
+        """See `Setup`."""
+        return self.scene
+
+    def with_soil(self, soil: Scene | Terrain) -> Self:
+        """See `Setup`."""
+        assert isinstance(soil, Scene)
+        return self.with_scene(soil)
+
+    @property
     def seed(self) -> int:
         """See `Setup`."""
         return self.scene.seed
@@ -129,14 +158,6 @@ class SectionSetup(Setup):
     def least_move_m(self) -> float:
         """Two spacings: a toe is read at points."""
         return 2.0 * self.scene.spacing
-
-    @property
-    def has_strength_ratio(self) -> bool:
-        """Some soil has a strength in proportion to its stress before failure, known or not."""
-        soils = self.scene.materials.values()
-        return any(spec.property == STRENGTH_RATIO for spec in self.parameters.specs) or any(
-            soil.strength_ratio is not None for soil in soils
-        )
 
     def with_scene(self, scene: Scene) -> Self:
         """The setup of another section; where its foot moves, so does the zero of a runout."""

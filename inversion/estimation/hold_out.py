@@ -18,13 +18,16 @@ import numpy as np
 from inversion.estimation.data import Places, Split, Targets, places_of
 from pipeline.cli import InputError
 
-#: A series gives a block once it has this many numbers, and then this share of them.
+#: A series gives a block once it has this many numbers, and then this share of them, two at least,
+#: which of fewer would be more than a quarter. By judgement: the fit misses twice as much.
 LEAST_SERIES, SHARE = 8, 0.2
 #: Where the block begins, as a share of the series: past the middle, so that both ends are fitted.
 BEGIN = 0.6
 #: A block elsewhere is taken where the usual one moves by less than this share of the most mobile.
+#: By judgement: one that moves half as much still shows a wrong model.
 MOBILE = 0.5
-#: A whole measurement is held out where at least this many of its kind were made.
+#: A whole measurement is held out where at least this many of its kind were made: two are within,
+#: to choose from, and three are left to fit.
 LEAST_ALIKE = 4
 
 

@@ -37,17 +37,22 @@ from inversion.estimation.misfit import augmented_residual
 from inversion.estimation.unknowns import Scale, Unknowns
 from inversion.problem.state import State
 
-#: Change of a slope over the range of one unknown, as a share of the slope.
+#: Change of a slope over the range of one unknown, as a share of the slope. By judgement: less, and
+#: a run far off is taken for noise; more, and noise is taken for a bend.
 BEND = 0.5
-#: Size of what products do not describe, as a share of the slopes, and its length in x.
+#: Size of what products do not describe, as a share of the slopes, and its length in x. By
+#: judgement: small beside `BEND`, so that a run is first read as slope and bend.
 LOCAL, LENGTH = 0.06, 0.5
-#: Noise of a slope taken from two runs about this far apart, in units of the noise of a run.
+#: Step to either side by which slopes are taken, about: between `derivatives.FIRST` and `WIDEST`.
 SLOPE_STEP = 0.25
-#: Counts of an amplitude on either side between which the slope of a ladder is taken.
+#: Counts of an amplitude on either side between which the slope of a ladder is taken: little of the
+#: way to a rung; the curve has no noise.
 STEP = 0.05
-#: Half-width in the parameters within which a surrogate may be believed at all.
+#: Half-width in the parameters within which a surrogate may be believed at all. By judgement: a
+#: factor of 20 in a strength; a search that ends there is anchored anew.
 REACH = 3.0
-#: Runs whose parameters are farther from the anchor than this follow other bends.
+#: Runs whose parameters are farther from the anchor than this follow other bends. By judgement: a
+#: factor of 7 in a strength.
 NEAR = 2.0
 
 

@@ -22,11 +22,13 @@ from pipeline.ties import ranked
 
 #: Jitters of the points of the runs that correct a surrogate, two at a time, in turn.
 JITTERS = ((1, 2), (3, 4), (5, 6), (7, 8))
-#: A proposal this near to a run, in every unknown, is not worth another.
+#: A proposal this near to a run, in every unknown, is not worth another. By judgement: 16 % of a
+#: strength, over which the surrogate knows more than a noisy run tells.
 SEEN = 0.15
-#: A hair of ridge: no step along what nothing is known of.
+#: A hair of ridge: no step along what nothing is known of, and none of the others shorter by it.
 RIDGE = 1e-6
-#: Two first guesses are different where some unknown differs by this much.
+#: Two first guesses are different where some unknown differs by this much: twice `SEEN`, so that no
+#: run is near to both.
 APART = 0.3
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.special import ndtr
-from scipy.stats import gaussian_kde
 
 from inversion.back_analysis.result import FILE_NAME as RESULT
 from inversion.back_analysis.result import (
@@ -277,6 +276,8 @@ def from_draws(document: PosteriorDocument, draws: Draws, source: str) -> SlideE
 
 def _density(draws: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Density of draws (s,) at places (k,), mirrored at their ends: a prior may stop at a bound."""
+    from scipy.stats import gaussian_kde  # takes half a second to import
+
     smooth = gaussian_kde(draws)
     return smooth(places) + smooth(2.0 * draws.min() - places) + smooth(2.0 * draws.max() - places)
 

@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.special import log_ndtr
-from scipy.stats import multivariate_normal
 
 from inversion.estimation.data import Targets
 from inversion.posterior.emulator import Emulator
@@ -107,6 +106,8 @@ def _log_below(room: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         return np.array(
             [_log_below(room[place], covariance[place]) for place in np.ndindex(room.shape[:-1])]
         ).reshape(room.shape[:-1])
+    from scipy.stats import multivariate_normal  # takes half a second to import
+
     normal = multivariate_normal(np.zeros(len(std)), covariance, seed=0)  # integrates by sampling
     probability = normal.cdf(room)
     return np.log(np.maximum(probability, np.finfo(float).tiny))

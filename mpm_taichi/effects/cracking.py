@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
-
-if TYPE_CHECKING:
-    from geometry.scenes.scene import Scene
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, needs_cohesion, ti
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
@@ -25,15 +20,6 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
 def memory(effect, here):  # noqa: ANN001, ANN201
     """The widest the soil has been open, as a strain [-]; a crack that closes does not heal."""
     return ti.max(here.memory, here.opening)
-
-
-def applies(scene: Scene) -> str:
-    """Needs soil with cohesion that has not liquefied."""
-    for zone in scene.zones:
-        material = scene.materials[zone.material]
-        if material.cohesion_kpa > 0.0 and not material.liquefied:
-            return ""
-    return "no soil that has not liquefied has cohesion"
 
 
 EFFECT = Effect(
@@ -79,5 +65,5 @@ EFFECT = Effect(
     ),
     strength=strength,
     memory=memory,
-    applies=applies,
+    applies=needs_cohesion,
 )

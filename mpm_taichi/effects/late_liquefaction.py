@@ -50,6 +50,28 @@ def until(scene: Scene, amplitude: float, parameters: Numbers) -> float:
     return amplitude
 
 
+PEAK = (
+    Parameter(
+        "peak_ratio",
+        "",
+        3.0,
+        0.0,
+        100.0,
+        "k, undrained strength before it liquefied over S_r; 0 where it was drained",
+    ),
+    Parameter(
+        "peak_friction_deg",
+        "deg",
+        0.0,
+        0.0,
+        60.0,
+        "phi_p, friction angle before it liquefied, of soil that was drained",
+        DEGREE,
+    ),
+)
+"""What liquefied soil had before: undrained or drained."""
+
+
 EFFECT = Effect(
     name="late_liquefaction",
     words="the soil liquefied little by little, and not before it began to move",
@@ -73,23 +95,7 @@ EFFECT = Effect(
         meaning="T, time after which the strength has fallen to S_r",
     ),
     parameters=(
-        Parameter(
-            "peak_ratio",
-            "",
-            3.0,
-            0.0,
-            100.0,
-            "k, undrained strength before it liquefied over S_r; 0 where it was drained",
-        ),
-        Parameter(
-            "peak_friction_deg",
-            "deg",
-            0.0,
-            0.0,
-            60.0,
-            "phi_p, friction angle before it liquefied, of soil that was drained",
-            DEGREE,
-        ),
+        *PEAK,
         Parameter(
             "hold",
             "",

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, ti
-
-if TYPE_CHECKING:
-    from geometry.scenes.scene import Scene
+from mpm_taichi.effects.framework.base import Amplitude, Effect, Parameter, needs_cohesion, ti
+from mpm_taichi.effects.strain_softening import BY_CELL
 
 
 def strength(effect, soil, here):  # noqa: ANN001, ANN201
@@ -17,15 +13,6 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
         remoulded = 1.0 - ti.exp(-here.strain / (effect.reference_strain * scale))
         soil.cohesion *= 1.0 - effect.amplitude * remoulded
     return soil
-
-
-def applies(scene: Scene) -> str:
-    """Needs soil with cohesion that has not liquefied."""
-    for zone in scene.zones:
-        material = scene.materials[zone.material]
-        if material.cohesion_kpa > 0.0 and not material.liquefied:
-            return ""
-    return "no soil that has not liquefied has cohesion"
 
 
 EFFECT = Effect(
@@ -60,18 +47,8 @@ EFFECT = Effect(
             100.0,
             "g_ref, plastic shear strain at which 1/e of what is lost in the end is left",
         ),
-        Parameter(
-            "reference_cell_m", "m", 2.0, 1e-3, 100.0, "h_ref, the cell for which g_ref is meant"
-        ),
-        Parameter(
-            "cell_exponent",
-            "",
-            0.5,
-            0.0,
-            1.0,
-            "n: 0 where a whole layer shears, 1 where all shear is in bands of a cell",
-        ),
+        *BY_CELL,
     ),
     strength=strength,
-    applies=applies,
+    applies=needs_cohesion,
 )

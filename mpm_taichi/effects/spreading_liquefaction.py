@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpm_taichi.effects.framework.base import (
-    DEGREE,
     Amplitude,
     Effect,
     Parameter,
     needs_liquefied_soil,
     ti,
 )
+from mpm_taichi.effects.late_liquefaction import PEAK
 
 if TYPE_CHECKING:
     from geometry.scenes.scene import Scene
@@ -112,23 +112,7 @@ EFFECT = Effect(
             1e4,
             "l, length behind the front in which the strength falls",
         ),
-        Parameter(
-            "peak_ratio",
-            "",
-            3.0,
-            0.0,
-            100.0,
-            "k, undrained strength before it liquefied over S_r; 0 where it was drained",
-        ),
-        Parameter(
-            "peak_friction_deg",
-            "deg",
-            0.0,
-            0.0,
-            60.0,
-            "phi_p, friction angle before it liquefied, of soil that was drained",
-            DEGREE,
-        ),
+        *PEAK,
     ),
     strength=strength,
     field=distance,

@@ -20,6 +20,22 @@ def strength(effect, soil, here):  # noqa: ANN001, ANN201
     return soil
 
 
+BY_CELL = (
+    Parameter(
+        "reference_cell_m", "m", 2.0, 1e-3, 100.0, "h_ref, the cell for which g_ref is meant"
+    ),
+    Parameter(
+        "cell_exponent",
+        "",
+        0.5,
+        0.0,
+        1.0,
+        "n: 0 where a whole layer shears, 1 where all shear is in bands of a cell",
+    ),
+)
+"""How the strain that goes with a slip depends on the cell."""
+
+
 EFFECT = Effect(
     name="strain_softening",
     words="the liquefied soil starts stronger and loses strength as it shears",
@@ -49,17 +65,7 @@ EFFECT = Effect(
             100.0,
             "g_ref, plastic shear strain at which the excess has fallen to 1/e",
         ),
-        Parameter(
-            "reference_cell_m", "m", 2.0, 1e-3, 100.0, "h_ref, the cell for which g_ref is meant"
-        ),
-        Parameter(
-            "cell_exponent",
-            "",
-            0.5,
-            0.0,
-            1.0,
-            "n: 0 where a whole layer shears, 1 where all shear is in bands of a cell",
-        ),
+        *BY_CELL,
     ),
     strength=strength,
     applies=needs_liquefied_soil,

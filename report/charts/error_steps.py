@@ -12,7 +12,7 @@ from pathlib import Path
 
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from diagnosis.verdict.verdict import WaterfallStep
 from report import style
@@ -42,7 +42,7 @@ def draw_steps(
     reach = max(1.6, *fitted, *(h for h in held if h is not None))
     ax.set_xlim(0, 1.16 * reach)
     dof = max(1, steps[-1].dof)
-    low, high = ((chi2_law.ppf(share, dof) / dof) ** 0.5 for share in (0.025, 0.975))
+    low, high = ((chdtri(dof, beyond) / dof) ** 0.5 for beyond in (0.975, 0.025))
     ax.axvspan(low, high, color=style.LINE, alpha=0.8, linewidth=0, zorder=0)
     ax.axvline(1.0, color=style.TEXT_COLOUR, linewidth=1.0, linestyle=style.DASHED, zorder=4)
     for place, step in enumerate(steps):

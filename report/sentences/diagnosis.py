@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-from diagnosis.adequacy.adequacy import test_words
 from diagnosis.hypotheses.model import FAMILIES
 from diagnosis.hypotheses.section import BOUNDARY
+from diagnosis.options import Options
 from diagnosis.track_record import worth_of
 from diagnosis.verdict.verdict import (
     SOLVER_ERRORS,
     CandidateVerdict,
+    Check,
     FittedModelSummary,
     MeasurementVerdict,
     NextMeasurement,
@@ -54,7 +55,7 @@ UNEXPLAINED = ("suspect", "unknown_effect")
 AMONG = "among the effects tested"
 #: Members of a family that are named in a sentence.
 FEW = 5
-NOT_SEPARABLE, WEAKLY = 0.95, 0.80
+NOT_SEPARABLE, WEAKLY = Options.inseparable, Options.hardly_separable
 #: Shares of the variance that are named, and from which the solver's own is the most.
 LEAST_SHARE, MOSTLY_OWN = 0.01, 0.5
 BY_HAND = "by hand"
@@ -146,17 +147,6 @@ def tested_sentence(data: DiagnosisData) -> str:
     return said
 
 
-def lead(data: DiagnosisData) -> str:
-    """The verdict in one sentence, always with the set of effects it refers to."""
-    sentence = data.document.sentence.strip()
-    named = data.verdict is not None and data.verdict.verdict in ("identified", "ambiguous")
-    if named and "tested" not in sentence:
-        sentence = f"{sentence.rstrip('.')}, {AMONG}."
-    if data.synthetic:
-        sentence += " The measurements are synthetic, made by a simulation."
-    return sentence
-
-
 def answer_sentences(data: DiagnosisData) -> list[str]:
     """The effects of the answer, and the alternatives that explain the data as well."""
     if data.verdict is None:
@@ -211,13 +201,35 @@ def worth_sentence(data: DiagnosisData) -> str:
     for p, (low, high) in zip(strengths, ends, strict=True):
         of = f" of {spoken(p.name)}" if len(strengths) > 1 else ""
         spans.append(f"{number(low)} to {with_unit(high, p.unit)}{of}")
+    settings = data.verdict.manifest.get("settings", {})
+    plane = (
+        " They were plane; of bodies there is no record."
+        if settings.get("engine") == "mpm3d"
+        else ""
+    )
     return (
         f"What this verdict has been worth: of {found.slides} slides made by other codes on which "
         f"it was given, {found.hidden} of them with something hidden, the residual strength was "
         f"off by {percent(found.half_off)} or less in half and by {percent(found.most_off)} or "
         f"less in nine of ten, which here is {', '.join(spans)}; its 95 % interval held it in "
-        f"{found.held}."
+        f"{found.held}.{plane}"
     )
+
+
+def test_words(name: str) -> str:
+    """The name of a test in words."""
+    known = {
+        "chi2": "the size of all residuals",
+        "autocorrelation": "the correlation of neighbours along a series",
+        "score": "the best score of a candidate",
+        "held_out": "the held-out data",
+    }
+    return known.get(name) or f"the residuals of {name.removeprefix('group ')}"
+
+
+def worst_test(stage: FittedModelSummary) -> Check:
+    """The test that noise would pass least."""
+    return smallest(stage.tests, lambda test: test.p, unit=0.0)
 
 
 def alarm_sentence(data: DiagnosisData) -> str:
@@ -225,7 +237,7 @@ def alarm_sentence(data: DiagnosisData) -> str:
     stage = data.base
     if not stage.tests:
         return ""
-    worst = smallest(stage.tests, lambda test: test.p, unit=0.0)
+    worst = worst_test(stage)
     return (
         f"Base model: chi² {number(stage.chi2)} on {stage.dof} degrees of freedom. Of "
         f"{len(stage.tests)} tests the most significant is {test_words(worst.name)} "
@@ -239,42 +251,20 @@ def window_sentence(window: Window | None, model: str) -> str:
     if window is None:
         return ""
     off_by = root_mean_square(window.chi2, window.n)
-    if window.axis == "none" or window.x_from is None or window.x_to is None:
-        where = window.first if window.first == window.last else f"{window.first} to {window.last}"
-    else:
-        unit = "m" if window.axis == "x_m" else "s"
-        axis = "x " if window.axis == "x_m" else ""
-        where = (
-            f"{window.measurement} from {axis}{number(window.x_from)} to {number(window.x_to)} "
-            f"{unit}"
-        )
     return (
-        f"Worst stretch of the {model}: {where}, {plural(window.n, 'number')}, off by {off_by:.1f} "
-        f"standard deviations (root mean square). Probability that noise alone has such a stretch: "
-        f"{chance(window.p)}."
+        f"Worst stretch of the {model}: {window_words(window)}, {plural(window.n, 'number')}, off "
+        f"by {off_by:.1f} standard deviations (root mean square). Probability that noise alone has "
+        f"such a stretch: {chance(window.p)}."
     )
 
 
-def fall_sentence(data: DiagnosisData) -> str:
-    """How far the error falls, on fitted and on held-out data."""
-    if data.final is None:
-        return ""
-    before, after = data.base, data.final
-    if min(before.dof, after.dof) < 1:
-        return (
-            f"Chi² of the fitted data: {number(before.chi2)} before, {number(after.chi2)} after; "
-            "as many parameters as data, so this says little."
-        )
-    said = (
-        f"Root mean square misfit of the fitted data: {off(before):.1f} standard deviations "
-        f"before, {off(after):.1f} after; noise alone has 1."
-    )
-    if before.held_out.n and after.held_out.n:
-        said += (
-            f" On the {after.held_out.n} held-out data, which were not fitted: "
-            f"{off_held_out(before):.1f} before, {off_held_out(after):.1f} after."
-        )
-    return said
+def window_words(window: Window) -> str:
+    """A stretch of one measurement."""
+    if window.axis == "none" or window.x_from is None or window.x_to is None:
+        return window.first if window.first == window.last else f"{window.first} to {window.last}"
+    axis, unit = ("x ", "m") if window.axis == "x_m" else ("", "s")
+    ends = f"{number(window.x_from)} to {number(window.x_to)}"
+    return f"{window.measurement} from {axis}{ends} {unit}"
 
 
 def validation_sentence(data: DiagnosisData) -> str:
@@ -328,28 +318,6 @@ def stretch(lines: list[MeasurementVerdict]) -> str:
     if len(places) == 1:
         return f"at {axis}{number(places[0])} {unit}"
     return f"from {axis}{number(min(places))} to {number(max(places))} {unit}"
-
-
-def candidate_sentence(data: DiagnosisData) -> str:
-    """How the candidates rank."""
-    scored = [c for c in data.candidates if c.expected_drop is not None]
-    if not scored:
-        return ""
-    best = largest(scored, lambda c: c.expected_drop)
-    if best.expected_drop <= 0.0:
-        return f"None of the {len(scored)} effects tested would reduce the misfit."
-    p = (
-        ""
-        if best.p_family is None
-        else (
-            f"; probability of so high a score among {len(scored)} from noise: "
-            f"{chance(best.p_family)}"
-        )
-    )
-    return (
-        f"The highest score {AMONG} has {spoken(best.name)} ({best.words}): chi² would fall by "
-        f"{number(best.expected_drop)} if nothing else were missing{p}."
-    )
 
 
 def confounded(

@@ -39,6 +39,7 @@ from report.numbers import (
     with_unit,
 )
 from report.sentences.diagnosis import spoken
+from report.sentences.finding import headline
 from report.table import Table
 from report.two_strengths import diagnosis_in
 
@@ -361,7 +362,7 @@ def _model(data: BackAnalysisData) -> Iterator[Row]:
     solid = data.result.engine == "mpm3d"
     how = NOT_CHECKED if solid else f"{NOT_CHECKED} here: flowslide diagnose {data.result.case}"
     if found is not None:
-        how = f"diagnosis, {found.verdict.replace('_', ' ')}: {found.sentence}"
+        how = f"diagnosis, {found.verdict.replace('_', ' ')}: {headline(found)}"
     space = "" if solid else "plane strain; "
     yield Row(
         "the model lacks nothing",

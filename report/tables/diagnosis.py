@@ -9,7 +9,6 @@ import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from diagnosis.adequacy.adequacy import test_words
 from diagnosis.verdict.verdict import (
     FittedModelSummary,
     MeasurementVerdict,
@@ -33,6 +32,7 @@ from report.numbers import (
 from report.page import KeyNumbers
 from report.sentences.diagnosis import (
     AMONG,
+    BY_HAND,
     VERDICTS,
     bound,
     explanation,
@@ -42,7 +42,9 @@ from report.sentences.diagnosis import (
     reading_words,
     spoken,
     step_words,
+    test_words,
 )
+from report.sentences.finding import reason_words
 from report.table import Table
 
 NOISE = "standard deviations; noise alone has 1"
@@ -211,7 +213,7 @@ def refits_table(data: DiagnosisData) -> Table:
                 _short(r.held_out_chi2),
                 number(r.ln_evidence),
                 values,
-                "accepted" if r.accepted else r.why_not,
+                "accepted" if r.accepted else reason_words(r.why_not),
             ]
         )
     before = number(data.base.held_out.chi2)
@@ -314,7 +316,10 @@ def measurements_table(lines: Sequence[MeasurementVerdict]) -> Table:
 
 
 def steps_table(
-    steps: Sequence[WaterfallStep], by_hand: Collection[str] = (), notes: Sequence[str] = ()
+    steps: Sequence[WaterfallStep],
+    by_hand: Collection[str] = (),
+    notes: Sequence[str] = (),
+    outdated: Collection[str] = (),
 ) -> Table:
     """Every step in numbers; `notes` replace those of the steps."""
     rows = []
@@ -322,6 +327,11 @@ def steps_table(
         held = None
         if step.held_out_chi2 is not None and step.held_out_n:
             held = f"{number(step.held_out_chi2)} / {step.held_out_n}"
+        note = notes[place] if notes else step.note
+        if step.hypothesis in by_hand:
+            note = f"{BY_HAND}: {note}"
+        if step.hypothesis in outdated:
+            note += " (outdated: case or settings have changed since)"
         effects = ", ".join(f"{spoken(n)} {number(a)}" for n, a in step.effects.items())
         values = ", ".join(
             f"{spoken(n)} {plus_minus(v, step.std.get(n, 0.0))}" for n, v in step.values.items()
@@ -335,7 +345,7 @@ def steps_table(
                 f"{number(step.chi2)} / {step.dof}",
                 held,
                 _short(step.ln_evidence),
-                notes[place] if notes else step.note,
+                note,
             ]
         )
     header = [

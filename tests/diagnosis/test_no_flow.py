@@ -14,6 +14,7 @@ from diagnosis.case import diagnosis_case
 from diagnosis.verdict.verdict import load_verdict
 from geometry.case import load_case
 from inversion.problem.state import state
+from report.sentences.finding import headline
 from tests.commands import diagnose as main
 from tests.diagnosis.test_commands import ASKED, HIDDEN, QUICK
 
@@ -91,7 +92,7 @@ def test_of_a_slope_that_stood_a_lower_bound_is_quoted(stood, kept_runs, tmp_pat
     assert "quoted" in (said := capsys.readouterr().out) and "≥" in said and "< 1.00 m" in said
     verdict = load_verdict(tmp_path)
     found = verdict.quoted["residual_strength"]
-    assert verdict.verdict == "adequate" and "Nothing ran" in verdict.sentence
+    assert verdict.verdict == "adequate" and "Nothing ran" in headline(verdict)
     assert verdict.quoted["friction_fill"].at_least is None, "a bound is one of a strength"
     model = diagnosis_case(load_case(stood)).model(kept_runs)
     friction = verdict.base.values["friction_fill"]

@@ -132,6 +132,7 @@ def test_the_error_of_the_effects_is_in_the_standard_deviations_of_the_answer():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_intervals_hold_the_strength_as_often_as_they_say():
     hits: dict[str, list[bool]] = {"50%": [], "80%": [], "95%": []}
     for seed in range(100, 160):

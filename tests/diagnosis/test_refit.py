@@ -10,6 +10,7 @@ import pytest
 from diagnosis.adequacy.compare import Comparison, compare
 from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
+from diagnosis.reason import Reason
 from diagnosis.selection.effect_error import doubting, weighed_again
 from diagnosis.selection.explain import Explanation, explain
 from diagnosis.selection.refit import ANCHORED, FittedModel, judge, refit, weighed
@@ -133,7 +134,7 @@ def test_a_fit_whose_runs_cannot_be_read_explains_nothing():
     found = judge(explanation.context, replace(after, judged=False))
     assert found.unread
     base = weighed(explanation.context, comparison.base.fit, comparison.base.surface)
-    assert why_not(base, found, OPTIONS) == "none of its runs could be read"
+    assert why_not(base, found, OPTIONS) == Reason(kind="unread")
     assert accepted(base, [found], OPTIONS) is None
 
 

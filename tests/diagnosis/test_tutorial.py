@@ -86,6 +86,7 @@ def test_files_and_pictures_of_the_tutorial_are_there(root):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_commands_show_what_the_tutorial_says(tutorial, root, tmp_path, monkeypatch, capsys):
     """All commands in the order of the tutorial, one after another on the same results."""
     monkeypatch.chdir(root)

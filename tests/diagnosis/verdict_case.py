@@ -289,7 +289,9 @@ class Case:
                 made = self.fit([name])
                 drop = base["chi2"] - made["chi2"]
                 evidence = 0.5 * drop - 5.0
-                why = "" if evidence > 2.3 else f"the evidence grows by {evidence:.1f} only"
+                why = (
+                    {"kind": "small_gain", "numbers": [evidence, 2.3]} if evidence <= 2.3 else None
+                )
                 refit = {
                     "effects": made["amplitudes"], "amplitude": made["amplitudes"][name],
                     "std": made["amplitude_std"][name], "values": made["values"],
@@ -369,9 +371,7 @@ MANIFEST = {
 }
 
 
-def document(
-    case: Case, kind: str, effects: list[str], sentence: str, title: str, **more: Any
-) -> dict[str, Any]:
+def document(case: Case, kind: str, effects: list[str], title: str, **more: Any) -> dict[str, Any]:
     """A verdict as a dictionary."""
     made = case.fit(effects)
     answered = [
@@ -388,7 +388,7 @@ def document(
         note = f"added {effects[number]}"
         steps.append(case.step(number + 1, f"with_{effects[number]}", effects[: number + 1], note))
     return {
-        "case": "no_such_case", "title": title, "sentence": sentence, "verdict": kind,
+        "case": "no_such_case", "title": title, "verdict": kind,
         "tested": list(case.order), "forbidden": [FORBIDDEN],
         "answer": {"effects": answered, "set_90": [case.named(effects, 0.96)]},
         "parameters": PARAMETERS, "base": case.stage([]), "final": case.stage(effects),
@@ -403,19 +403,14 @@ def document(
 def identified(title: str = "A dam") -> Verdict:
     """One effect is named."""
     case = Case(Truth({"strain_softening": 17.0}))
-    sentence = (
-        "Identified: the liquefied soil loses strength as it shears (strain softening, 17 kPa), "
-        "among the 10 effects tested."
-    )
-    made = document(case, "identified", ["strain_softening"], sentence, title)
+    made = document(case, "identified", ["strain_softening"], title)
     made["answer"]["chance"] = 0.88
     return Verdict.model_validate(made)
 
 
 def adequate() -> Verdict:
     """Nothing to find."""
-    sentence = "Adequate: the base model explains the measurements within their errors."
-    made = document(Case(Truth({})), "adequate", [], sentence, "A sound model")
+    made = document(Case(Truth({})), "adequate", [], "A sound model")
     made["answer"]["set_90"] = [Case(Truth({})).named([], 0.97)]
     return Verdict.model_validate(made)
 
@@ -423,12 +418,8 @@ def adequate() -> Verdict:
 def ambiguous() -> Verdict:
     """Two effects look alike; a measurement would tell them apart."""
     case = Case(Truth({"pore_pressure": 0.45}))
-    sentence = (
-        "Ambiguous: pore pressure or overburden strength; these measurements cannot tell them "
-        "apart, among the 10 effects tested."
-    )
     best = ["pore_pressure"]
-    made = document(case, "ambiguous", best, sentence, "Two that look alike")
+    made = document(case, "ambiguous", best, "Two that look alike")
     made["answer"]["set_90"] = [
         case.named(["pore_pressure"], 0.56),
         case.named(["overburden_strength"], 0.39),
@@ -450,9 +441,6 @@ def ambiguous() -> Verdict:
 def unknown() -> Verdict:
     """A misfit that no effect of the list explains, with the curve that would."""
     case = Case(Truth({}, pattern=1.4))
-    sentence = (
-        "Unknown effect: the base model fails, and none of the 10 effects tested explains it."
-    )
     curve = {
         "variable": "strain_rate", "words": "rate of shearing", "unit": "log10 of 1/s",
         "knots": [-2.0, -1.25, -0.5, 0.25, 1.0], "multiplier": [0.7, 0.8, 1.1, 1.6, 1.9],
@@ -460,14 +448,14 @@ def unknown() -> Verdict:
         "chi2": {"strain_rate": 34.0, "overburden": 61.0, "time": 70.5},
         "ln_evidence": {"strain_rate": 12.0, "overburden": 1.0, "time": -2.0},
     }  # fmt: skip
-    made = document(case, "unknown_effect", [], sentence, "Outside the list", unknown_curve=curve)
+    made = document(case, "unknown_effect", [], "Outside the list", unknown_curve=curve)
     made["answer"]["set_90"] = []
     return Verdict.model_validate(made)
 
 
 def least() -> Verdict:
     """A verdict in which everything that may be missing is missing."""
-    made = document(Case(Truth({})), "suspect", [], "Suspect.", "Least")
+    made = document(Case(Truth({})), "suspect", [], "Least")
     stage = {**made["base"], "window": None, "tests": [], "groups": [],
              "held_out": {"chi2": 0.0, "n": 0, "p": None}}  # fmt: skip
     number = {**made["measurements"][len(X)], "predicted_base": None, "predicted_final": None,
@@ -492,7 +480,6 @@ def compared() -> CompareDocument:
     return CompareDocument(
         case=verdict.case, title=verdict.title, alarm="alarm",
         parameters=verdict.parameters, base=verdict.base,
-        sentence="The base model does not explain the measurements (p below 0.001).",
         measurements=lines, runs=verdict.runs,
     )  # fmt: skip
 
@@ -502,8 +489,7 @@ def explained() -> ExplainDocument:
     v = identified()
     candidates = [c.model_copy(update={"refit": None}) for c in v.candidates]
     return ExplainDocument(
-        case=v.case, title=v.title, sentence="Best of the effects tested: strain softening.",
-        base=v.base, parameters=v.parameters, candidates=candidates,
+        case=v.case, title=v.title, base=v.base, parameters=v.parameters, candidates=candidates,
         confounding=v.confounding, signatures=v.signatures,
         hidden=v.hidden, runs=v.runs,
     )  # fmt: skip

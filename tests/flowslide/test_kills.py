@@ -28,7 +28,7 @@ from flowslide.studio.workspace import Workspace
 from tests.dams import dam_with_pool
 from tests.inversion.conftest import QUESTION
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 KILLS, SEED = int(os.environ.get("KILLS", 4)), 40
 PATIENCE_S = 180.0
 

@@ -139,6 +139,7 @@ def test_wrong_budget_is_one_line(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_rehearsal_measures_everything(root, tmp_path):
     """By the code that a GPU is measured with, on a CPU."""
     out = tmp_path / "rows.json"

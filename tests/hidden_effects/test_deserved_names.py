@@ -14,6 +14,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.options import Options
 from diagnosis.track_record import Figures, NameRecord, name_record
 from diagnosis.verdict.verdict_builder import verdict_document
+from report.sentences.finding import headline
 from tests.diagnosis.straight import straight
 
 FIGURES = Figures(nearest=0.9, p_left=0.3, share=0.95)
@@ -67,14 +68,14 @@ def test_a_name_of_too_small_a_chance_is_told_as_what_would_explain():
     found = diagnose(straight(2, {"late": 2.5}), OPTIONS)
     assert found.decision.verdict == "identified" and found.decision.chance > OPTIONS.deserved
     told = verdict_document(found, case="c", title="t")
-    assert f"right in {100 * told.answer.chance:.0f} of 100" in told.sentence
+    assert f"right in {100 * told.answer.chance:.0f} of 100" in headline(told)
     assert not told.answer.would_explain
 
     stricter = diagnose(straight(2, {"late": 2.5}), replace(OPTIONS, deserved=0.999))
     unsure = verdict_document(stricter, case="c", title="t")
     assert unsure.verdict == "unknown_effect" and unsure.answer.would_explain
     assert unsure.answer.chance == told.answer.chance
-    assert unsure.sentence.startswith("Late would explain the measurements, chi2 falls")
+    assert headline(unsure).startswith("Late would explain the measurements, chi² falls")
     assert [one.name for one in unsure.answer.effects] == ["late"], "what it is, is shown"
     (name, *_) = told.quoted
     quoted, named = unsure.quoted[name], told.quoted[name]
@@ -85,4 +86,4 @@ def test_several_explanations_state_their_chance_and_stay_several():
     found = diagnose(straight(2, {"bend": 1.5}), OPTIONS)
     told = verdict_document(found, case="c", title="t")
     assert told.verdict == "ambiguous" and told.answer.chance < OPTIONS.deserved
-    assert "it was among explanations like these in" in told.sentence
+    assert "it was among explanations like these in" in headline(told)

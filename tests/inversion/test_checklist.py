@@ -13,6 +13,7 @@ from inversion.problem.question import FixedProperty, Variant, WaterLevel
 from report.data.back_analysis import BackAnalysisData
 from report.data.diagnosis import DiagnosisData
 from report.data.sources import Comments
+from report.sentences.finding import headline
 from report.tables.checklist import NOT_CHECKED, back_analysis_checklist, diagnosis_checklist
 from report.tables.checklist import unchecked as unchecked_sentence
 from tests.diagnosis.verdict_case import FORBIDDEN, ambiguous, identified
@@ -139,7 +140,7 @@ def test_a_diagnosis_next_to_it_has_checked_the_model(tmp_path):
     save_document(verdict, tmp_path / "diagnosis" / "verdict.json")
     case = load_case(CASES / "lower_san_fernando")
     found = rows(back_analysis_checklist(data(tmp_path, full(), case)))
-    assert found[SHARED][1] == f"diagnosis, identified: {verdict.sentence}"
+    assert found[SHARED][1] == f"diagnosis, identified: {headline(verdict)}"
     assert found["stiffnesses (Young's modulus)"][1] == "diagnosis: 1 hypothesis tested"
     other = replace(data(tmp_path, full().model_copy(update={"case": "another"}), case))
     assert rows(back_analysis_checklist(other))[SHARED][1].startswith(NOT_CHECKED)

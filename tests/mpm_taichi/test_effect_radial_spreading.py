@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import taichi as ti
 
 from geometry.scenes.scene import scene_from_mapping
 from mpm_taichi.effects import effect, relative_width
+from mpm_taichi.effects.framework.hooks import NodeView
 from mpm_taichi.effects.framework.registry import effects_on
 from mpm_taichi.simulate import simulate
 from mpm_taichi.simulate3d import simulate_3d
+from mpm_taichi.solver.runtime import start
 from mpm_taichi.solver3d.problem import extruded
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings
@@ -75,20 +78,63 @@ def test_a_strong_cylinder_stands_still():
     assert np.abs(run.positions[-1] - run.positions[0]).max() < 1e-4 * RADIUS
 
 
-def test_within_a_dam_the_width_is_one_and_it_grows_before_both_feet():
+def dam():
+    """A dam with bare ground before both feet, at x of 40 and 80 m."""
     zone = {"name": "a", "material": "s", "polygon": [[40, 0], [80, 0], [60, 10]]}
-    dam = {
-        "name": "dam",
-        "domain": {"x_min": 0, "x_max": 120, "y_max": 20},
-        "ground": {"points": [[0, 0], [120, 0]]},
-        "zones": [zone],
-        "materials": {"s": {"friction_deg": 30, "cohesion_kpa": 0}},
-        "spacing": 1.0,
-        "effects": {"radial_spreading": 0.5},
-    }
-    scene = scene_from_mapping(dam)
+    return scene_from_mapping(
+        {
+            "name": "dam",
+            "domain": {"x_min": 0, "x_max": 120, "y_max": 20},
+            "ground": {"points": [[0, 0], [120, 0]]},
+            "zones": [zone],
+            "materials": {"s": {"friction_deg": 30, "cohesion_kpa": 0}},
+            "spacing": 1.0,
+            "effects": {"radial_spreading": 0.5},
+        }
+    )
+
+
+def test_within_a_dam_the_width_is_one_and_it_grows_before_both_feet():
     places = np.array([[10.0, 0], [40, 0], [60, 0], [80, 0], [100, 0]])
-    assert relative_width(effects_on(scene), scene, places) == pytest.approx([2.5, 1, 1, 1, 2])
+    found = relative_width(effects_on(dam()), dam(), places)
+    assert found == pytest.approx([2.5, 1, 1, 1, 2])
+
+
+def by_kernel(scene, x):
+    """Width at x (N,) [m] and its slope [1/m], (N, 2), as the kernels have them."""
+    (active,) = effects_on(scene)
+    width = ti.func(effect("radial_spreading").width)
+    names = ("amplitude", *effect("radial_spreading").constant_names)
+    numbers = ti.types.struct(**dict.fromkeys(names, ti.f32))
+    own = numbers(**dict(zip(names, map(float, active.numbers(scene)), strict=True)))
+
+    @ti.kernel
+    def fill(x: ti.types.ndarray(), found: ti.types.ndarray(), cell: ti.f32):
+        for k in range(x.shape[0]):
+            place = NodeView(x=x[k], y=0.0, time=0.0, cell=cell)
+            now = width(own, place)
+            found[k, 0], found[k, 1] = now[0], now[1]
+
+    start("cpu", 1)
+    found = np.zeros((len(x), 2), np.float32)
+    fill(x.astype(np.float32), found, scene.cell_size)
+    return found.astype(float)
+
+
+@pytest.mark.parametrize(
+    "scene", [dam(), column(ASPECT), column(1.0)], ids=["dam", "cylinder", "flat"]
+)
+def test_the_width_at_the_start_is_that_of_the_kernels(scene):
+    """Within the section, before its feet, and at an axis, where the width ends above 0."""
+    x = np.linspace(0.5, scene.domain.x_max - 0.5, 97)
+    places = np.column_stack([x, np.zeros_like(x)])
+    found = relative_width(effects_on(scene), scene, places)
+    wide, slope = by_kernel(scene, x).T
+    assert wide == pytest.approx(found, rel=1e-5)
+    ahead, behind = (
+        relative_width(effects_on(scene), scene, places + [step, 0.0]) for step in (1e-3, -1e-3)
+    )
+    assert slope == pytest.approx((ahead - behind) / 2e-3, abs=1e-4)
 
 
 def test_it_needs_room_before_a_foot():

@@ -6,6 +6,7 @@ import argparse
 
 from flowslide.commands.diagnosis.session_options import (
     add_session_options,
+    runs_line,
     session_of,
     write_page,
 )
@@ -28,5 +29,5 @@ def run(arguments: argparse.Namespace) -> None:
 
     with session_of(arguments, "comparison") as session:
         document = api.compare(session)
-    print(f"{summary(document, session.folder)}\n\n{session.runs_line()}")
+    print(f"{summary(document, session.folder)}\n\n{runs_line(session)}")
     write_page(arguments, session, "write_compare")

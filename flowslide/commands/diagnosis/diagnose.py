@@ -6,6 +6,7 @@ import argparse
 
 from flowslide.commands.diagnosis.session_options import (
     add_session_options,
+    runs_line,
     session_of,
     write_page,
 )
@@ -29,5 +30,5 @@ def run(arguments: argparse.Namespace) -> None:
 
     with session_of(arguments, "diagnosis") as session:
         verdict = api.diagnose(session)
-    print(f"{summary(verdict, session.folder)}\n\n{session.runs_line()}")
+    print(f"{summary(verdict, session.folder)}\n\n{runs_line(session)}")
     write_page(arguments, session, "write_report")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from flowslide.commands.diagnosis.session_options import add_session_options, session_of
+from flowslide.commands.diagnosis.session_options import add_session_options, runs_line, session_of
 from flowslide.commands.diagnosis.track import write_page_of_track
 
 DESCRIPTION = (
@@ -28,6 +28,8 @@ def run(arguments: argparse.Namespace) -> None:
     from flowslide import api
     from report.diagnosis import measurements_text
     from report.numbers import from_to, with_unit
+    from report.sentences.finding import reason_words
+    from report.table import plain
     from report.tables.diagnosis import steps_table
 
     with session_of(arguments, "extension") as session:
@@ -35,10 +37,10 @@ def run(arguments: argparse.Namespace) -> None:
     for answer in done.effects:
         value = with_unit(answer.amplitude, answer.unit)
         print(f"{answer.name}: {value}, 95 % {from_to(*answer.interval_95, answer.unit)}")
-    passes = done.why_not or "passes every condition of the loop"
+    passes = plain(reason_words(done.why_not)) or "passes every condition of the loop"
     print(f"\n{steps_table([done.before, done.after]).text()}")
     print(f"\n{arguments.add}: {passes}")
     print(f"\n{measurements_text(done.measurements)}")
     print(f"\nwrote {done.file}")
-    print(done.asked.runs_line())
+    print(runs_line(done.asked))
     write_page_of_track(arguments, session)

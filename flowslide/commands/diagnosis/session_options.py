@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flowslide.commands import options
 from pipeline.cli import add_common
@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 def add_session_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that every question about a case has."""
     options.add_case(parser)
-    options.add_out(parser, "folder of the results; default: results/<case>/diagnosis")
-    options.add_engine(parser)
+    options.add_out(
+        parser,
+        "folder of the results; default: results/<case>/diagnosis, of a body diagnosis_on_maps",
+    )
+    options.add_engine(parser, default=None)
     options.add_spacing(parser)
     parser.add_argument(
         "--hypothesis",
@@ -39,13 +42,19 @@ def add_session_options(parser: argparse.ArgumentParser) -> None:
 def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     """The session that the options ask for, with a bar for the length of the `with` block."""
     from flowslide import api
-    from inversion.engines.registry import engine_named
+    from geometry.scenes3d.scene3d import is_body
+    from inversion.engines.registry import REFERENCE, engine_named
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
     settings = load_config(arguments.config, arguments.overrides)
-    case = api.load_case(arguments.case, settings=settings)
-    own = f"diagnosis{engine_named(arguments.engine).suffix}"
+    own = f"diagnosis{engine_named(arguments.engine or REFERENCE).suffix}"
+    case: Any
+    if is_body(arguments.case):
+        options.refuse_in_3d(arguments, {})
+        case, own = api.load_question(arguments.case, settings=settings), "diagnosis_on_maps"
+    else:
+        case = api.load_case(arguments.case, settings=settings)
     with (
         Progress(0, case.title, quiet=arguments.quiet) as bar,
         api.open_session(
@@ -61,6 +70,15 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     ):
         session.say = bar.say
         yield session
+
+
+def runs_line(session: Session) -> str:
+    """How many forward runs it took."""
+    model, most = session.model, session.config.diagnosis.max_runs
+    return (
+        f"{model.runs} forward runs (at most {most}), {model.computed} of them simulated now, "
+        f"{session.seconds:.0f} s"
+    )
 
 
 def write_page(arguments: argparse.Namespace, session: Session, composer: str) -> None:

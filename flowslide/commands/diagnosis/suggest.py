@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from flowslide.commands.diagnosis.session_options import add_session_options, session_of
+from flowslide.commands.diagnosis.session_options import add_session_options, runs_line, session_of
 from pipeline.cli import at_least_one
 
 DESCRIPTION = (
@@ -25,14 +25,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Suggest, print."""
     from flowslide import api
+    from report.sentences.finding import headline
+    from report.table import plain
     from report.tables.diagnosis import next_table, outcomes_table
 
     at_least_one("--n", arguments.n)
     with session_of(arguments, "suggestion") as session:
         found = api.suggest(session, arguments.n)
-    print(f"{found.sentence}\n")
-    print(next_table(found.measurements).text() or "Nothing can be suggested here.")
+    print(f"{plain(headline(found))}\n")
+    print(next_table(found.next_measurement).text() or "Nothing can be suggested here.")
     print("\ngain: expected squared separation, in variances of the measurement and the models")
-    if readings := outcomes_table(found.measurements).text():
+    if readings := outcomes_table(found.next_measurement).text():
         print(f"\n{readings}")
-    print(session.runs_line())
+    print(runs_line(session))

@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     with session_of(arguments, "track") as session:
         track = api.track(session)
-    print(steps_table(track.steps, track.by_hand, track.notes).text())
+    print(steps_table(track.steps, track.by_hand, track.notes, track.outdated).text())
     for name in track.not_judged:
         print(
             f"\n{name}: not judged yet: flowslide diagnose compare {session.case.folder} "

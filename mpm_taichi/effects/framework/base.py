@@ -284,3 +284,12 @@ def liquefied_zones(scene: Scene) -> list[str]:
 def needs_liquefied_soil(scene: Scene) -> str:
     """`Effect.applies` of an effect on the strength of liquefied soil."""
     return "" if liquefied_zones(scene) else "no material is marked liquefied: true"
+
+
+def needs_cohesion(scene: Scene) -> str:
+    """`Effect.applies` of an effect on the cohesion of soil that has not liquefied."""
+    for zone in scene.zones:
+        material = scene.materials[zone.material]
+        if material.cohesion_kpa > 0.0 and not material.liquefied:
+            return ""
+    return "no soil that has not liquefied has cohesion"
