@@ -7,6 +7,7 @@ strength of its particles and push them can hide nearly all that can be hidden a
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -162,19 +163,23 @@ class Source:
         name: in a plan; words: what it is, for tables.
         module: that holds `simulate`, and `HIDES`: names of what it can hide.
         needs: module of an optional package without which it cannot run; empty: none.
+        python: environment variable that names a Python which has it; empty: this one must.
     """
 
     name: str
     words: str
     module: str
     needs: str = ""
+    python: str = ""
 
     @property
     def missing(self) -> str:
         """Why it cannot run here; empty: it can."""
-        if self.needs and find_spec(self.needs) is None:
-            return f"{self.name} needs the package {self.needs}: pip install 'flowslide[foreign]'"
-        return ""
+        if not self.needs or os.environ.get(self.python) or find_spec(self.needs) is not None:
+            return ""
+        if self.python:
+            return f"{self.name} needs a Python with the package {self.needs} in {self.python}"
+        return f"{self.name} needs the package {self.needs}: pip install 'flowslide[foreign]'"
 
     @property
     def hides(self) -> tuple[str, ...]:
@@ -199,9 +204,11 @@ SOURCES: Mapping[str, Source] = {
     for one in (
         Source("own", "the judge's own solver", f"{_HERE}.own"),
         Source("newton", "newton 1.8, implicit MPM", f"{_HERE}.newton_mpm", "newton"),
+        Source("genesis", "Genesis 1.4, explicit MPM", f"{_HERE}.genesis_mpm", "genesis",
+               "FLOWSLIDE_GENESIS_PYTHON"),
         Source("smoothed_particles", "smoothed particles", f"{_HERE}.smoothed_particles"),
     )
-}
+}  # fmt: skip
 
 
 def source(name: str) -> Source:
