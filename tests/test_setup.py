@@ -138,6 +138,20 @@ def test_an_entry_of_the_changelog_has_at_most_two_lines():
     assert len(entries) > 30 and all(entry.count("\n") < 2 for entry in entries)
 
 
+def test_no_text_is_left_of_a_merge():
+    folders = (".", "docs", "config", "rules", "benchmarks", ".github")
+    texts = [
+        path
+        for folder in folders
+        for path in (ROOT / folder).glob("*" if folder == "." else "**/*")
+        if path.is_file() and path.suffix in (".md", ".yaml", ".toml", ".smk", "")
+    ]
+    assert len(texts) > 60
+    for path in texts:
+        text = path.read_text("utf-8")
+        assert not re.search(r"^(<{7}|>{7}) ", text, re.MULTILINE), path
+
+
 def recipe(target):
     """The commands of a target of the Makefile."""
     makefile = (ROOT / "Makefile").read_text()
