@@ -61,6 +61,8 @@ def _water(setup: BodySetup, terrain: Terrain, sensitivities: Sensitivities) -> 
 
     def at(setup: BodySetup, level: float | None) -> BodySetup:
         assert isinstance(setup.soil, Terrain)
+        if setup.soil.water_level != own:
+            raise InputError(f"{POOL_LEVEL}: there is no water")
         return setup.with_soil(setup.soil.model_copy(update={"water_level": level}))
 
     height, own = setup.problem.position[:, 2], terrain.water_level
@@ -116,9 +118,8 @@ def _parts(setup: BodySetup) -> list[Assumption]:
     for axis, names in enumerate((ALONG, ACROSS)):
         spans = _thirds(setup, liquid, axis)
         for name, span in zip(names, spans, strict=True) if spans else ():
-            words = (
-                f"the {name.replace('_', ' ')} third of the liquefied soil is stronger or weaker"
-            )
+            third = f"third at {name.replace('_', ' ')}" if axis else f"{name} third"
+            words = f"the {third} of the liquefied soil is stronger or weaker"
             stretch = f"{name}_stretch", f"{words} than the rest"
             one = _part(*stretch, {zone: (axis, span) for zone in liquid})
             if possible(one, setup, 0.1):

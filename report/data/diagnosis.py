@@ -78,6 +78,11 @@ class DiagnosisData:
         return self.document if isinstance(self.document, Verdict) else None
 
     @property
+    def of_body(self) -> bool:
+        """The document is of a body in three dimensions."""
+        return self.document.manifest.get("settings", {}).get("engine") in ("mpm3d",)
+
+    @property
     def base(self) -> FittedModelSummary:
         """The base model."""
         return self.document.base

@@ -201,12 +201,7 @@ def worth_sentence(data: DiagnosisData) -> str:
     for p, (low, high) in zip(strengths, ends, strict=True):
         of = f" of {spoken(p.name)}" if len(strengths) > 1 else ""
         spans.append(f"{number(low)} to {with_unit(high, p.unit)}{of}")
-    settings = data.verdict.manifest.get("settings", {})
-    plane = (
-        " They were plane; of bodies there is no record."
-        if settings.get("engine") == "mpm3d"
-        else ""
-    )
+    plane = " They were plane; of bodies there is no record." if data.of_body else ""
     return (
         f"What this verdict has been worth: of {found.slides} slides made by other codes on which "
         f"it was given, {found.hidden} of them with something hidden, the residual strength was "
@@ -458,7 +453,7 @@ def strength_words(stage: FittedModelSummary, name: str, unit: str) -> str:
     wide = stage.std_assumed.get(name)
     if wide is None:
         return found
-    return f"{found} (std {number(wide, 2)} with what is assumed of soils, section and survey)"
+    return f"{found} (std {number(wide, 2)} with what is assumed of soils, geometry and survey)"
 
 
 def hidden_sentence(data: DiagnosisData) -> str:

@@ -17,6 +17,7 @@ from diagnosis.verdict.verdict import CandidateVerdict, Verdict
 from geometry.case import SCENE_FILE, Case
 from geometry.scenes.scene import Material
 from geometry.survey.measurements import FILE_NAME as MEASUREMENTS_FILE
+from geometry.survey3d.survey import FILE_NAME as BODY_MEASUREMENTS_FILE
 from inversion.back_analysis.result import ParameterAnswer, SensitivityAnswer
 from inversion.back_analysis.result_builder import NOISE_SOURCE
 from inversion.problem.question import FILE_NAME as QUESTION_FILE
@@ -396,7 +397,7 @@ def diagnosis_checklist(data: DiagnosisData) -> Table:
         *_covariance(verdict),
         *_families(data, verdict, [p.name for p in shown]),
         *_left_out(data, verdict),
-        *_judges(verdict),
+        *_judges(verdict, "another event" if data.of_body else "another section or event"),
     ]
     return _table("tested against", "could hide in the answer", [p.words for p in shown], rows)
 
@@ -407,11 +408,12 @@ def _groups(data: DiagnosisData, verdict: Verdict) -> Iterator[Row]:
     for line in data.measurements:
         found.setdefault(line.measurement, []).append(line.role)
     off = {group.name: group.z for group in verdict.final.groups}
+    file = BODY_MEASUREMENTS_FILE if data.of_body else MEASUREMENTS_FILE
     for name, roles in found.items():
         how = ", ".join(dict.fromkeys(roles))
         if name in off:
             how += f": misfit {signed(off[name])} std beyond noise"
-        yield Row(name, plural(len(roles), "number"), MEASUREMENTS_FILE, how=how)
+        yield Row(name, plural(len(roles), "number"), file, how=how)
 
 
 def _covariance(verdict: Verdict) -> Iterator[Row]:
@@ -422,11 +424,14 @@ def _covariance(verdict: Verdict) -> Iterator[Row]:
 
 def _families(data: DiagnosisData, verdict: Verdict, names: Sequence[str]) -> Iterator[Row]:
     answer = {one.name for one in verdict.answer.effects}
+    words = FAMILY_WORDS | ({"section": "another shape of the body"} if data.of_body else {})
     for family in FAMILIES:
+        if data.of_body and family == "dimension":
+            continue  # a body has its flanks
         own = [c for c in data.candidates if c.family == family]
         if not own:
             how = f"{NOT_CHECKED}: nothing of this kind was tested"
-            yield Row(f"without {FAMILY_WORDS[family]}", how=how)
+            yield Row(f"without {words[family]}", how=how)
             continue
         accepted = [c for c in own if c.refit is not None and c.refit.accepted]
         how = f"{_hypotheses(len(own))} tested; "
@@ -437,7 +442,7 @@ def _families(data: DiagnosisData, verdict: Verdict, names: Sequence[str]) -> It
         else:
             how += f"none is accepted ({_best(own)})"
         moves = [_hidden(data.hidden.get(name, {}), own) for name in names]
-        yield Row(f"without {FAMILY_WORDS[family]}", _listed(own), "", moves, how)
+        yield Row(f"without {words[family]}", _listed(own), "", moves, how)
 
 
 def _listed(candidates: Sequence[CandidateVerdict]) -> str:
@@ -480,7 +485,8 @@ def _left_out(data: DiagnosisData, verdict: Verdict) -> Iterator[Row]:
         )
 
 
-def _judges(verdict: Verdict) -> Iterator[Row]:
+def _judges(verdict: Verdict, other: str) -> Iterator[Row]:
+    """Data that no fit has seen, and an `other` slide."""
     final = verdict.final.held_out
     if final.n:
         yield Row(
@@ -495,10 +501,10 @@ def _judges(verdict: Verdict) -> Iterator[Row]:
         )
     check = verdict.validation_case
     if check is None:
-        yield Row("another section or event", how=f"{NOT_CHECKED}: none was given")
+        yield Row(other, how=f"{NOT_CHECKED}: none was given")
     else:
         yield Row(
-            "another section or event",
+            other,
             spoken(check.case),
             how=f"chi² {number(check.chi2_final)} of {plural(check.n, 'number')}, "
             f"{number(check.chi2_base)} without the effects",

@@ -118,7 +118,7 @@ def parameters_table(data: DiagnosisData) -> Table:
         if any(wide):
             rows.append(
                 [
-                    "std with what is assumed of soils, section and survey",
+                    "std with what is assumed of soils, geometry and survey",
                     *(None if std is None else with_unit(std, p.unit, 2) for std in wide),
                 ]
             )

@@ -228,6 +228,8 @@ def test_with_water_its_level_is_on_trial(bank):
     levels = [model.setup_of(state((5.0,), one)).soil.water_level
               for one in ({"pool_level": 0.5}, {"no_water": 1.0})]  # fmt: skip
     assert levels == [1.5, None]
+    with pytest.raises(InputError, match="pool_level: there is no water"):
+        model.setup_of(state((5.0,), {"no_water": 1.0, "pool_level": 0.5}))
 
 
 @pytest.mark.parametrize(

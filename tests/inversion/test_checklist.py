@@ -163,3 +163,14 @@ def test_a_diagnosis_lists_every_family_and_what_it_left_out(tmp_path):
     assert "another section or event" in unchecked_sentence(table)
     two = rows(diagnosis_checklist(DiagnosisData(tmp_path, ambiguous())))
     assert two["without a physical effect"][1] != physics[1]
+
+
+def test_of_a_body_nothing_is_said_of_a_section(tmp_path):
+    settings = {"settings": {"engine": "mpm3d"}}
+    verdict = identified().model_copy(update={"manifest": settings})
+    table = diagnosis_checklist(DiagnosisData(tmp_path, verdict))
+    assert "section" not in unchecked_sentence(table)
+    assert {"without another shape of the body", "another event"} <= rows(table).keys()
+    assert "without flanks that hold the slide back" not in rows(table)
+    files = {row[-1] for row in table.rows}
+    assert "measurements3d.yaml" in files and "measurements.yaml" not in files
