@@ -12,6 +12,7 @@ from types import ModuleType
 
 from diagnosis.hypotheses import body, ground, section, soil, start, strength, water, width
 from diagnosis.hypotheses.assumption import AnySetup, Assumption, Found, Sensitivities
+from diagnosis.hypotheses.model import Candidate
 from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import Scene
 from inversion.engines.body_setup import BodySetup
@@ -96,7 +97,8 @@ def assumed_otherwise(
     """The setup of a hypothesis that doubts assumptions; effects of the solver are in its scene.
 
     Raises:
-        InputError: beginning with `source`: there is no such assumption, or no such section.
+        InputError: beginning with `source`: there is no such assumption, none of that size, or no
+            such section.
     """
     if isinstance(setup, BodySetup):
         own, solver, where = [body.assumptions(setup, sensitivities)[0]], [], " in three dimensions"
@@ -114,8 +116,12 @@ def assumed_otherwise(
                 f"{source}: effects: no effect {name!r}{where}; there are "
                 f"{', '.join([*solver, *known, *errors])}"
             )
+    doubts = [one.candidate for one in known.values()] + [one.candidate for one in errors.values()]
+    for candidate in doubts:
+        if candidate.name in amplitudes:
+            _check_size(candidate, amplitudes[candidate.name], source)
     for name, one in known.items():
-        if name in amplitudes:
+        if amplitudes.get(name):  # a switch is off at 0
             setup = one.change(setup, amplitudes[name])
     for name, error in errors.items():
         if name in amplitudes:  # what is measured too high is predicted as it was measured
@@ -123,3 +129,17 @@ def assumed_otherwise(
             measured = targets.measured - amplitudes[name] * error.direction
             setup = replace(setup, targets=replace(targets, measured=measured))
     return setup
+
+
+def _check_size(candidate: Candidate, size: float, source: str) -> None:
+    """Refuse what no fit would find; what a fit has found at a bound may have been rounded."""
+    low, high = candidate.low, candidate.high
+    slack = 1e-3 * (high - low)
+    if candidate.switch and size not in (0.0, 1.0):
+        raise InputError(f"{source}: effects: {candidate.name}: {size:g}: 0 (off) or 1 (on)")
+    if not low - slack <= size <= high + slack:
+        unit = f" {candidate.unit}" if candidate.unit else ""
+        raise InputError(
+            f"{source}: effects: {candidate.name}: {size:g}{unit}: from {low:g} to {high:g}{unit} "
+            "is allowed"
+        )

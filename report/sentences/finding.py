@@ -77,7 +77,7 @@ def _comparison(found: CompareDocument) -> str:
     where = ""
     if window is not None and window.p < Options.suspect:
         where = f"; it fails most along {window_words(window)}"
-    elif base.groups:
+    elif base.groups and worst_test(base).name != "held_out":
         where = f"; farthest off is {largest(base.groups, lambda group: group.z).name}"
     said = FAILS.replace("does", "may") if found.alarm == "suspect" else FAILS
     return f"{said} ({fit} {_failing(base)}){where}."

@@ -176,6 +176,17 @@ def test_a_hypothesis_may_doubt_an_assumption(setup):
     assert set(np.round(lower, 9)) == {0.0, 0.2}
     with pytest.raises(InputError, match=r"02_pool.yaml: effects: no effect 'pond'"):
         assumed_otherwise(setup, [], {"pond": 3.0}, "02_pool.yaml")
+    with pytest.raises(
+        InputError, match=r"effects: pool: 99 m: from 0 to \d+(\.\d+)? m is allowed"
+    ):
+        assumed_otherwise(setup, [], {"pool": 99.0}, "02_pool.yaml")
+    with pytest.raises(InputError, match=r"effects: bonded_base: 0.3: 0 \(off\) or 1 \(on\)"):
+        assumed_otherwise(setup, [], {"bonded_base": 0.3}, "02_base.yaml")
+    off, on = (
+        assumed_otherwise(setup, [], {"bonded_base": size}, "02_base.yaml").scene.ground
+        for size in (0.0, 1.0)
+    )
+    assert off == setup.scene.ground != on
 
 
 def switched(seed: int, effects: dict[str, float]):

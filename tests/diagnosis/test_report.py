@@ -323,6 +323,10 @@ def test_the_finding_of_a_comparison_says_where_it_fails():
     nowhere = found.base.model_copy(update={"window": None})
     suspect = found.model_copy(update={"base": nowhere, "alarm": "suspect"})
     assert "may not explain" in headline(suspect) and "; farthest off is " in headline(suspect)
+    unseen = nowhere.tests[0].model_copy(update={"name": "held_out", "p": 0.0})
+    elsewhere = nowhere.model_copy(update={"tests": [*nowhere.tests, unseen]})
+    said = headline(found.model_copy(update={"base": elsewhere}))
+    assert said.endswith("by the held-out data)."), "which no fitted measurement is to blame for"
     assert headline(found.model_copy(update={"alarm": "adequate"})) == (
         "The base model explains the measurements within their errors (chi² 99.7 on 28 degrees of "
         "freedom, combined p < 0.001)."
