@@ -25,7 +25,8 @@ WITHOUT_ROOMS = {"pipeline"}
 # (mpm_taichi/effects, 220 lines); a diagnosis in one picture: what each measurement asks for
 # (diagnosis/verdict, 70 lines), its rows and its chart (report, 210 lines, of three charts less);
 # other methods on the blind slides (benchmarks/hidden_effects/baselines, 1,100 lines), and a third
-# code that makes them (benchmarks/hidden_effects/foreign, 450 lines); why the numbers of each step of a diagnosis are what they are (diagnosis, 70 lines); examples of a session
+# code that makes them (benchmarks/hidden_effects/foreign, 450 lines); why the numbers of
+# each step of a diagnosis are what they are (diagnosis, 70 lines); examples of a session
 # (flowslide/*.py, 10 lines); a diagnosis of a body: its question (diagnosis/*.py, 220 lines),
 # what is on trial of it, its model, and sizes that are refused (diagnosis/hypotheses, 400 lines),
 # how the interface opens it (flowslide/*.py, 20 lines), the soil that both kinds of setup have
