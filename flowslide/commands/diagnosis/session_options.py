@@ -43,12 +43,12 @@ def session_of(arguments: argparse.Namespace, what: str) -> Iterator[Session]:
     """The session that the options ask for, with a bar for the length of the `with` block."""
     from flowslide import api
     from geometry.scenes3d.scene3d import is_body
-    from inversion.engines.registry import REFERENCE, engine_named
+    from inversion.engines.registry import engine_named
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
     settings = load_config(arguments.config, arguments.overrides)
-    own = f"diagnosis{engine_named(arguments.engine or REFERENCE).suffix}"
+    own = f"diagnosis{engine_named(arguments.engine).suffix if arguments.engine else ''}"
     case: Any
     if is_body(arguments.case):
         options.refuse_in_3d(arguments, {})
