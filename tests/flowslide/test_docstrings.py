@@ -11,6 +11,7 @@ import pipeline.config
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_examples_of_the_api_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = doctest.testmod(flowslide.api)

@@ -20,7 +20,7 @@ import pytest
 from tests.inversion.small_slide import write_case
 from tests.processors import PROCESSORS
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 TOLERANCE = 1e-6
 #: What tells of the work and not of the answer.

@@ -20,6 +20,7 @@ pytestmark = [
         bool(SOURCES["newton"].missing) and not os.environ.get("CI"),
         reason=SOURCES["newton"].missing,
     ),
+    pytest.mark.long,
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
 ]
 SECTION = load_section("benchmarks/hidden_effects/sections/embankment")
