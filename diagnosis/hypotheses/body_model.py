@@ -16,7 +16,7 @@ from inversion.engines.body_setup import BodySetup
 from inversion.engines.registry import Engine
 from inversion.engines.run_store import Store
 from inversion.problem.question import Sensitivity
-from inversion.problem.state import State, simulated
+from inversion.problem.state import State
 from pipeline.cli import InputError
 
 
@@ -57,11 +57,7 @@ class BodyModel(RunModel[BodySetup]):
 
     def setup_of(self, state: State) -> BodySetup:
         """See `RunModel`."""
-        setup = self.setup
-        acting = {name: simulated(amplitude) for name, amplitude in state.effects}
-        for name, one in self._assumptions.items():
-            if name in acting:
-                setup = one.change(setup, acting.pop(name))
+        setup, acting = self._assumed(state)
         if acting:
             raise InputError(f"{next(iter(acting))}: {LEFT_OUT}")
         if state.numerics == "fine":

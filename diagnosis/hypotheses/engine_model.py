@@ -229,6 +229,15 @@ class RunModel(ABC, Generic[AnySetup]):
 
     # --- states and runs ---
 
+    def _assumed(self, state: State) -> tuple[AnySetup, dict[str, float]]:
+        """The setup with the assumptions of a state, and the amplitudes of all that is none."""
+        acting = {name: simulated(amplitude) for name, amplitude in state.effects}
+        setup = self.setup
+        for name, one in self._assumptions.items():
+            if name in acting:
+                setup = one.change(setup, acting.pop(name))
+        return setup, acting
+
     def run_behind(self, state: State) -> State:
         """The forward run of a state: itself without the survey's errors."""
         kept = tuple(pair for pair in state.effects if pair[0] not in self._errors)
@@ -422,11 +431,7 @@ class EngineModel(RunModel[SectionSetup]):
         Raises:
             InputError: there is no such section, an effect is unknown or out of its range.
         """
-        acting = {name: simulated(amplitude) for name, amplitude in state.effects}
-        setup = self.setup
-        for name, one in self._assumptions.items():
-            if name in acting:
-                setup = one.change(setup, acting.pop(name))
+        setup, acting = self._assumed(state)
         scene = self.setup.parameters.scene(setup.scene, np.array(state.values))
         changes: dict = {}
         if acting:

@@ -116,23 +116,21 @@ def assumed_otherwise(
                 f"{source}: effects: no effect {name!r}{where}; there are "
                 f"{', '.join([*solver, *known, *errors])}"
             )
-    doubts = [one.candidate for one in known.values()] + [one.candidate for one in errors.values()]
-    for candidate in doubts:
-        if candidate.name in amplitudes:
-            _check_size(candidate, amplitudes[candidate.name], source)
     for name, one in known.items():
-        if amplitudes.get(name):  # a switch is off at 0
+        # A switch is off at 0.
+        if name in amplitudes and _checked(one.candidate, amplitudes[name], source):
             setup = one.change(setup, amplitudes[name])
     for name, error in errors.items():
         if name in amplitudes:  # what is measured too high is predicted as it was measured
             targets = setup.targets
-            measured = targets.measured - amplitudes[name] * error.direction
+            size = _checked(error.candidate, amplitudes[name], source)
+            measured = targets.measured - size * error.direction
             setup = replace(setup, targets=replace(targets, measured=measured))
     return setup
 
 
-def _check_size(candidate: Candidate, size: float, source: str) -> None:
-    """Refuse what no fit would find; what a fit has found at a bound may have been rounded."""
+def _checked(candidate: Candidate, size: float, source: str) -> float:
+    """A size that a fit could find; what it has found at a bound may have been rounded."""
     low, high = candidate.low, candidate.high
     slack = 1e-3 * (high - low)
     if candidate.switch and size not in (0.0, 1.0):
@@ -143,3 +141,4 @@ def _check_size(candidate: Candidate, size: float, source: str) -> None:
             f"{source}: effects: {candidate.name}: {size:g}{unit}: from {low:g} to {high:g}{unit} "
             "is allowed"
         )
+    return size
