@@ -175,6 +175,7 @@ def simulate(
         ...         print(f"{one.simulated:.0f} m of {one.measured:.0f} m")
         24 m of 53 m
     """
+    from geometry.scenes.fill import point_count
     from mpm_taichi.comparison import read_deposit, simulate_case
 
     own = Call.of(SectionOptions, options)
@@ -187,7 +188,9 @@ def simulate(
             _ready(Path(out), film)
             held.enter_context(working_in(out))
         seconds = max(round(found.simulation.duration_s), 1)
-        words = f"simulating {found.title} (up to {seconds} s of motion)"
+        points = point_count(found.scene)
+        words = f"simulating {found.title}, {points} points (up to {seconds} s of motion)"
+        own.watch.reach(0, seconds, words)
         run = simulate_case(
             found,
             device=own.device,
@@ -297,6 +300,7 @@ def simulate_3d(
     words = (
         f"simulating {problem.name}, {len(problem.position)} points (up to {seconds} s of motion)"
     )
+    watch.reach(0, seconds, words)
     with nullcontext() if folder is None else working_in(folder):
         run = solve(
             problem,
@@ -520,7 +524,7 @@ def posterior(
     from inversion.posterior.infer import Inference
     from inversion.posterior.runs import CaseModel
     from inversion.posterior.summary import save_all
-    from inversion.posterior.unknown import varied_case
+    from inversion.posterior.varied_case import varied_case
     from report.posterior import write_report as write_posterior
 
     require("posterior", "a posterior")

@@ -196,7 +196,7 @@ def load_case(place: str | Path, config: Config | None = None) -> Case:
             hold together; one line with file, field, value and what is allowed.
     """
     folder, config = resolve(place, CASES), config or Config()
-    if folder.exists() and is_body(folder):
+    if folder.exists() and is_body(folder) and not (folder / SCENE_FILE).is_file():
         raise InputError(
             f"{folder}: a body in three dimensions; this takes a section ({SCENE_FILE})"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ from mpm_taichi.trajectory3d import Run3d
 
 UNITS = {"_m3_per_s": "m3/s", "_m_per_s": "m/s", "_m3": "m3", "_m2": "m2", "_m": "m", "_s": "s"}
 """End of the name of a reading -> its unit."""
+ACROSS = ("volume_across_", "_m3")
+"""Before and after the name of a line in the reading of what has crossed it to its right."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def readings_3d(scene: Scene3d, problem: Problem3d, run: Run3d, maps: Maps) -> d
         found[f"runout_{name}_m"] = after - (0.0 if np.isnan(before) else before)
     for name, line in scene.document.lines.items():
         before, after = (volume_beyond(place, problem.volume, *line) for place in (start, end))
-        found[f"volume_across_{name}_m3"] = after - before
+        found[name.join(ACROSS)] = after - before
     if scene.ground is not None and scene.ground.after is not None:
         x, y = np.meshgrid(*maps.after.axes, indexing="ij")
         off = maps.surface.values - scene.ground.after.at(x, y)
@@ -124,6 +127,16 @@ def volumes_across(
         )
         found[name] = np.interp(times, run.time, right - right[0])
     return found
+
+
+def crossed_to_the_left(readings: Mapping[str, float]) -> list[str]:
+    """Lines that more soil crossed to their left than to their right; readings of `readings_3d`."""
+    begin, end = ACROSS
+    return [
+        name.removeprefix(begin).removesuffix(end)
+        for name, volume in readings.items()
+        if name.startswith(begin) and volume < 0.0
+    ]
 
 
 def named(reading: str) -> tuple[str, str]:

@@ -66,8 +66,11 @@ def with_unit(value: float | str, unit: str, digits: int = 3) -> str:
 def plus_minus(value: float, std: float, unit: str = "") -> str:
     """A value with its standard deviation, to two digits of the latter.
 
-    Of a logarithm the factor, and between which factors a standard deviation either way is.
+    Of a logarithm the factor, and between which factors a standard deviation either way is. What
+    was not fitted has none.
     """
+    if std == 0.0:
+        return with_unit(value, unit)
     if unit == LN_RATIO:
         return f"{with_unit(value, unit)} ({from_to(value - std, value + std, unit)})"
     places = places_by(std)

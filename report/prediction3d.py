@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.terrain.raster import write_raster
 from inversion.prediction.in_plan import BodyPrediction
-from mpm_taichi.readings3d import paths_of
+from mpm_taichi.readings3d import ACROSS, paths_of
 from pipeline.extras import has
 from report import page, style
 from report.pictures.exceedance_map import save_exceedance
@@ -24,6 +24,7 @@ from report.prediction import (
     strength_words,
     toes_of,
 )
+from report.simulation3d import left_words
 from report.table import Table
 
 MAP, CURVES = "exceedance.png", "runout.png"
@@ -109,7 +110,13 @@ def doubts(document: dict[str, Any]) -> list[str]:
             f"thinner than the spacing of {document['spacing_m']:g} m: {', '.join(thin)}; such a "
             "deposit is scattered points"
         )
-    return lines
+    words = " ".join(ACROSS[0].split("_"))
+    back = [
+        one["name"].removeprefix(words)
+        for one in document["quantities"]
+        if one["name"].startswith(words) and one["mean"] < 0.0
+    ]
+    return [*lines, left_words(back)] if back else lines
 
 
 def raster_name(thickness: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from geometry.survey3d.deposit import toe_line
 from geometry.terrain.raster import write_raster
-from mpm_taichi.readings3d import Maps, named, paths_of
+from mpm_taichi.readings3d import Maps, crossed_to_the_left, named, paths_of
 from pipeline.extras import has
 from pipeline.files import write_text
 from report import page
@@ -79,11 +79,24 @@ def draw_scene_3d(scene: Scene3d, maps: Maps, path: str | Path) -> Path:
     )
 
 
-def warning(walls: Sequence[str]) -> str:
-    """One line where soil has reached a wall, else ""."""
-    if not walls:
-        return ""
-    return f"Soil reached the wall at {', '.join(walls)}: the domain is too small to read a runout."
+def warning(walls: Sequence[str], readings: Mapping[str, float]) -> str:
+    """What makes readings wrong, a wall that soil has reached or a line the wrong way; else ""."""
+    said = []
+    if walls:
+        where = ", ".join(walls)
+        said.append(f"Soil reached the wall at {where}: the domain is too small to read a runout.")
+    if lines := crossed_to_the_left(readings):
+        words = left_words(lines)
+        said.append(f"{words[0].upper()}{words[1:]}.")
+    return " ".join(said)
+
+
+def left_words(lines: Sequence[str]) -> str:
+    """That lines are drawn the wrong way round; not empty."""
+    return (
+        f"soil crossed {', '.join(lines)} to the left, seen from the first end: exchange the two "
+        "ends of a line to count what crosses it as positive"
+    )
 
 
 def _write_page(
@@ -97,8 +110,9 @@ def _write_page(
         (*named(name), "none" if math.isnan(v) else f"{v:.4g}") for name, v in readings.items()
     ]
     keys = [(words, with_unit(value, unit), "") for words, unit, value in values[1:5]]
+    said = warning(walls, readings)
     sections = [
-        page.PageSection("In short", [page.KeyNumbers(keys), *page.said([warning(walls)])]),
+        page.PageSection("In short", [page.KeyNumbers(keys), *page.said([said])]),
         page.PageSection(
             "Map and sections",
             page.shown(

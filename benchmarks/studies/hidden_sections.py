@@ -35,7 +35,8 @@ from inversion.posterior.emulator import Emulator, Warp, make_emulator
 from inversion.posterior.infer import at_shares, design
 from inversion.posterior.runs import CaseModel
 from inversion.posterior.sampling import resampled
-from inversion.posterior.unknown import Unknown, unknown_dimension, varied_case
+from inversion.posterior.varied_case import unknown_dimension, varied_case
+from inversion.problem.unknown import Unknown
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import read_json, write_json, write_text, yaml_text
 

@@ -28,7 +28,7 @@ from inversion.posterior.emulator import make_emulator
 from inversion.posterior.infer import at_shares, sample, warps
 from inversion.posterior.likelihood import Likelihood
 from inversion.posterior.runs import CaseModel
-from inversion.posterior.unknown import varied_case
+from inversion.posterior.varied_case import varied_case
 from mpm_taichi import PHYSICS_VERSION
 from pipeline.files import read_json, write_json
 

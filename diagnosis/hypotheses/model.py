@@ -16,8 +16,9 @@ import numpy as np
 from geometry.survey.measured import Measured
 from inversion.estimation.budget import Predictor
 from inversion.estimation.data import Targets
-from inversion.estimation.unknowns import Parameters, Scale, UnknownAmplitude
+from inversion.estimation.unknowns import Parameters
 from inversion.problem.state import State
+from inversion.problem.unknown import Scale, Unknown
 
 Family = Literal[
     "physics", "water", "soil", "strength", "ground", "section", "survey", "start", "dimension"
@@ -99,7 +100,7 @@ class Candidate:
     @property
     def scale(self) -> Scale:
         """How its amplitudes are compared: as they are, or in decades from the lowest rung on."""
-        return Scale(min(self.ladder), decades=True) if self.decades else Scale()
+        return Scale(min(self.ladder), "decades") if self.decades else Scale()
 
     @property
     def counted_prior(self) -> tuple[float, float] | None:
@@ -129,9 +130,7 @@ def switch_of(name: str, family: Family, words: str) -> Candidate:
     )
 
 
-def amplitude_of(
-    candidate: Candidate, prior: tuple[float, float] | None = None
-) -> UnknownAmplitude:
+def amplitude_of(candidate: Candidate, prior: tuple[float, float] | None = None) -> Unknown:
     """The amplitude of a candidate; `prior` (mean, std) replaces its own.
 
     Without a prior the ladder defines what is small and what is large: a Gaussian about 0 whose
@@ -139,15 +138,15 @@ def amplitude_of(
     not do: they are the limits of the solver, and the evidence would depend on them.
     """
     if candidate.switch:
-        return UnknownAmplitude(candidate.name, 1.0, 1.0, Scale())
+        return Unknown(candidate.name, 1.0, 1.0, Scale())
     mean, std = prior if prior is not None else (candidate.prior_mean, candidate.prior_std)
     rungs = sorted(abs(rung) for rung in candidate.ladder)
     scale = candidate.scale if candidate.decades else Scale(rungs[len(rungs) // 2])
     if std is None:
         mean, std = 0.0, WIDE * rungs[-1]
-    return UnknownAmplitude(
-        candidate.name, candidate.low, candidate.high, scale, mean, std, candidate.choices
-    )
+    mean = mean or 0.0
+    known = (scale.count(mean), scale.spread(mean, std))
+    return Unknown(candidate.name, candidate.low, candidate.high, scale, known, candidate.choices)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ and a line in `FAMILIES`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import ModuleType
 
@@ -17,7 +17,7 @@ from diagnosis.hypotheses.survey import survey_errors
 from geometry.scenes.scene import Scene
 from inversion.engines.body_setup import BodySetup
 from inversion.engines.registry import Engine
-from inversion.estimation.forward import SectionSetup
+from inversion.estimation.forward import SectionSetup, Setup
 from mpm_taichi.effects import effects
 from pipeline.cli import InputError
 
@@ -97,8 +97,8 @@ def assumed_otherwise(
     """The setup of a hypothesis that doubts assumptions; effects of the solver are in its scene.
 
     Raises:
-        InputError: beginning with `source`: there is no such assumption, none of that size, or no
-            such section.
+        InputError: beginning with `source`: there is no such assumption, none of that size, one
+            that another one replaces, or no such section.
     """
     if isinstance(setup, BodySetup):
         own, solver, where = [body.assumptions(setup, sensitivities)[0]], [], " in three dimensions"
@@ -116,10 +116,21 @@ def assumed_otherwise(
                 f"{source}: effects: no effect {name!r}{where}; there are "
                 f"{', '.join([*solver, *known, *errors])}"
             )
-    for name, one in known.items():
-        # A switch is off at 0.
-        if name in amplitudes and _checked(one.candidate, amplitudes[name], source):
-            setup = one.change(setup, amplitudes[name])
+    # A switch is off at 0.
+    acting = [
+        one
+        for name, one in known.items()
+        if name in amplitudes and _checked(one.candidate, amplitudes[name], source)
+    ]
+    before, setup = setup, _changed(setup, acting, amplitudes)
+    for one in acting if len(acting) > 1 else ():
+        others = [other for other in acting if other is not one]
+        if _reading(_changed(before, others, amplitudes)) == _reading(setup):
+            raise InputError(
+                f"{source}: effects: {one.candidate.name}: does nothing beside "
+                f"{', '.join(other.candidate.name for other in others)}: of two that set the same "
+                "thing give one"
+            )
     for name, error in errors.items():
         if name in amplitudes:  # what is measured too high is predicted as it was measured
             targets = setup.targets
@@ -127,6 +138,21 @@ def assumed_otherwise(
             measured = targets.measured - size * error.direction
             setup = replace(setup, targets=replace(targets, measured=measured))
     return setup
+
+
+def _changed(
+    setup: AnySetup, acting: Iterable[Assumption], amplitudes: Mapping[str, float]
+) -> AnySetup:
+    for one in acting:
+        setup = one.change(setup, amplitudes[one.candidate.name])
+    return setup
+
+
+def _reading(setup: Setup) -> tuple[object, ...]:
+    """What a run of a setup follows from, its measurements left out."""
+    scene = setup.scene
+    slides = (scene,) if isinstance(scene, Scene) else (scene.document, scene.section)
+    return (*slides, setup.settings, getattr(setup, "height_over_width", 0.0))
 
 
 def _checked(candidate: Candidate, size: float, source: str) -> float:

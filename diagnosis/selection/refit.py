@@ -31,7 +31,8 @@ from inversion.estimation.surface_search import (
     search,
     settled,
 )
-from inversion.estimation.unknowns import UnknownAmplitude, Unknowns
+from inversion.estimation.unknowns import Unknowns
+from inversion.problem.unknown import Unknown
 from pipeline.ties import smallest
 
 #: Turns of a refit, two runs each: once with each pair of jitters, of which a second time would
@@ -78,7 +79,7 @@ class RefitContext:
     runs: Runs
     data: Data
     base: Unknowns
-    amplitudes: dict[str, UnknownAmplitude]
+    amplitudes: dict[str, Unknown]
     jitter: np.ndarray
     count: int
     share: float = 0.0
@@ -221,7 +222,7 @@ def walk_the_valley(
     ladder = sorted((x[place] for x in found if x[place] * best > 0.0), key=abs)
     seen = run_points(context.runs, surrogate, [(x, 5) for x in other[len(other) // 2 :][:1]], what)
     x, totals = surrogate.anchor, [surrogate.total(data, surrogate.anchor)]
-    apart = space.effects[place - space.p].scale.decades
+    apart = space.effects[place - space.p].scale.form == "decades"
     for number, amplitude in enumerate([*ladder, *(ladder[-1] * k for k in BEYOND)]):
         rise = HILL if number < len(ladder) else LEVEL
         if not space.low[place] <= amplitude <= space.high[place]:

@@ -22,7 +22,8 @@ from diagnosis.signatures.signatures import run_moved
 from inversion.estimation.misfit import system
 from inversion.estimation.response_surface import Ladder, Surface, Surrogate, anchor_of, spreads
 from inversion.estimation.surface_search import settled
-from inversion.estimation.unknowns import Scale, UnknownAmplitude, Unknowns
+from inversion.estimation.unknowns import Unknowns
+from inversion.problem.unknown import Scale, Unknown
 from pipeline.ties import largest, ranked
 
 #: Standard deviation of a coefficient beforehand, in the logarithm of the strength. By judgement: a
@@ -89,7 +90,9 @@ def find_curve(
         return None
     base = Unknowns(context.base.parameters, (), strengths)
     amplitudes = {
-        name: UnknownAmplitude(name, -curve.limit, curve.limit, Scale(curve.step), 0.0, PRIOR_STD)
+        name: Unknown(
+            name, -curve.limit, curve.limit, Scale(curve.step), (0.0, PRIOR_STD / curve.step)
+        )
         for curve in curves
         for name in curve.names
     }

@@ -34,7 +34,7 @@ from diagnosis.hypotheses.model import Candidate
 from inversion.estimation.budget import Runs
 from inversion.estimation.misfit import System
 from inversion.estimation.response_surface import Ladder, Surface
-from inversion.estimation.unknowns import Scale
+from inversion.problem.unknown import Scale
 from pipeline.ties import RELATIVE, largest, ranked
 
 #: Farthest that a parameter is moved to meet an effect: half of how far a surrogate is believed
@@ -463,7 +463,7 @@ def _score(
         name=candidate.name,
         rung=rung,
         z=agree / np.sqrt(size),
-        amplitude=candidate.scale.amplitude(share * candidate.scale.count(rung)),
+        amplitude=candidate.scale.value(share * candidate.scale.count(rung)),
         drop=max(drop - paid, 0.0),
         visible=float(np.linalg.norm(s)),
         whole=float(np.linalg.norm(whole)),

@@ -40,9 +40,10 @@ def run(arguments: argparse.Namespace) -> None:
     from geometry.random_scenes.sketch import signed_area
     from geometry.scenes.fill import fill
     from geometry.scenes.scene import load_scene, scene_files
+    from geometry.scenes3d.scene3d import is_body
     from mpm_taichi.effects import effects_on
 
-    solid = [text for text in arguments.scenes if options.is_3d(text)]
+    solid = [text for text in arguments.scenes if is_body(text)]
     for text in solid:
         _check_3d(text)
     flat = [text for text in arguments.scenes if text not in solid]

@@ -130,13 +130,6 @@ def add_simulating(parser: argparse.ArgumentParser) -> None:
     add_common(parser)
 
 
-def is_3d(text: str) -> bool:
-    """True for scene3d.yaml, and for a folder that holds one and is no case with measurements."""
-    path = Path(text)
-    alone = (path / "scene3d.yaml").is_file() and not (path / "measurements.yaml").is_file()
-    return alone or path.name == "scene3d.yaml"
-
-
 def name_3d(text: str) -> str:
     """Name of the results of a three-dimensional scene: that of its folder."""
     path = Path(text)

@@ -40,9 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Draw."""
+    from geometry.scenes3d.scene3d import is_body
     from report.pictures.scene import save_gallery, save_scene_picture
 
-    if any(options.is_3d(text) for text in arguments.scenes):
+    if any(is_body(text) for text in arguments.scenes):
         _show_3d(arguments)
         return
     scenes = _chosen_scenes(arguments)

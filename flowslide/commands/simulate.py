@@ -45,12 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, write, print."""
     from flowslide import api
+    from geometry.scenes3d.scene3d import is_body
     from mpm_taichi import comparison
     from pipeline.config import load_config
     from pipeline.progress import Progress
 
     settings = load_config(arguments.config, arguments.overrides)
-    if options.is_3d(arguments.case):
+    if is_body(arguments.case):
         _run_3d(arguments, settings)
         return
     film = arguments.film or _default_film()
@@ -115,8 +116,8 @@ def _run_3d(arguments: argparse.Namespace, settings: Config) -> None:
     for quantity, value in done.readings.items():
         words, unit = named(quantity)
         print(f"{words:<32}{value:>12.5g} {unit}")
-    if done.walls:
-        print(warning(done.walls))
+    if doubt := warning(done.walls, done.readings):
+        print(doubt)
     print(f"Page: {out / 'report.html'}; map: {out / 'map.png'}; run: {out / 'run.h5'}")
 
 

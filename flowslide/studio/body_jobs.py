@@ -84,6 +84,7 @@ def _simulate(job: Job, common: _Common) -> Found:
     """A run with its page, and its film as the page shows it."""
     import flowslide
     from flowslide.studio import job_answers
+    from report.simulation3d import warning  # it draws as well, which the server does not
 
     strengths, folder = job.options.strengths_kpa, Path(job.folder)
     done = flowslide.simulate_3d(folder / FILE_NAME, strengths_kpa=strengths, **common)
@@ -94,7 +95,7 @@ def _simulate(job: Job, common: _Common) -> Found:
         done.problem,
         done.run,
         reading_rows(done.scene, done.maps, done.readings, entries),
-        done.walls,
+        warning(done.walls, done.readings),
         measured_surface(done.scene, entries),
         duration_s=done.scene.document.duration_s or common["settings"].simulation.duration_s,
         job=job.id,

@@ -54,7 +54,7 @@ def slide_message(
     problem: Problem3d,
     run: Run3d,
     readings: Sequence[Mapping[str, Any]],
-    walls: Sequence[str],
+    warning: str,
     measured: Raster | None,
     *,
     duration_s: float,
@@ -67,13 +67,11 @@ def slide_message(
         problem: its points.
         run: of them.
         readings: rows of `reading_rows`.
-        walls: that soil has reached.
+        warning: what makes readings wrong; empty: nothing.
         measured: the surface after the slide as surveyed; None: it was not.
         duration_s: that the run was given; one that ends earlier has come to rest.
         more: of the header.
     """
-    from report.simulation3d import warning  # it draws as well, which the server does not
-
     maps = maps_of(scene, problem, run)
     assert maps.after is not None and maps.speed is not None
     places = chosen_frames(run.positions.shape[0], maps.before.values.size)
@@ -88,7 +86,7 @@ def slide_message(
         "came_to_rest": bool(run.time[-1] < duration_s - 0.5 * float(run.time[1])),
         "computed_s": round(run.wall_time_s, 2),
         "readings": list(readings),
-        "warning": warning(walls),
+        "warning": warning,
         **_head(scene, problem, maps),
         **more,
     }

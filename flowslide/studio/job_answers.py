@@ -101,7 +101,7 @@ def simulation_3d(done: Simulation3d) -> Found:
     """What was read from the deposit in plan, and whether soil has reached a wall."""
     read = [(*named(name), value) for name, value in done.readings.items()]
     lines = [f"{words}: {with_unit(value, unit)}" for words, unit, value in read if value == value]
-    return as_found([*lines[1:], warning(done.walls)])
+    return as_found([*lines[1:], warning(done.walls, done.readings)])
 
 
 def back_analysis(result: Result) -> Found:

@@ -333,8 +333,11 @@ def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
 
 
 def is_body(place: str | PathLike[str]) -> bool:
-    """True for a `scene3d.yaml`, and for a folder with one that has no section of its own."""
+    """True for a `scene3d.yaml`, and for a folder with one that is no case with a measured section.
+
+    Such a case may have a `scene3d.yaml` as well, for the width of its section.
+    """
     path = Path(place)
-    return path.name == FILE_NAME or (
-        (path / FILE_NAME).is_file() and not (path / "scene.yaml").is_file()
-    )
+    if path.name == FILE_NAME or not (path / FILE_NAME).is_file():
+        return path.name == FILE_NAME
+    return not all((path / name).is_file() for name in ("scene.yaml", "measurements.yaml"))

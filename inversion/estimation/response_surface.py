@@ -34,8 +34,9 @@ from scipy.interpolate import PchipInterpolator
 from inversion.estimation.budget import Runs
 from inversion.estimation.data import Data
 from inversion.estimation.misfit import augmented_residual
-from inversion.estimation.unknowns import Scale, Unknowns
+from inversion.estimation.unknowns import Unknowns
 from inversion.problem.state import State
+from inversion.problem.unknown import Scale
 
 #: Change of a slope over the range of one unknown, as a share of the slope. By judgement: less, and
 #: a run far off is taken for noise; more, and noise is taken for a bend.
@@ -127,7 +128,7 @@ class Surface:
             if effect.name in other:
                 ladder, scale = self.ladders[effect.name], effect.scale
                 here = scale.count(other[effect.name])
-                ahead, behind = (scale.amplitude(here + step) for step in (STEP, -STEP))
+                ahead, behind = (scale.value(here + step) for step in (STEP, -STEP))
                 columns.append((ladder.change(ahead) - ladder.change(behind)) / (2.0 * STEP))
             else:
                 place = self.space.p + self.space.names.index(effect.name)
@@ -188,7 +189,7 @@ def spreads(
     for place, effect in enumerate(space.effects):
         if effect.name in surface.ladders:
             change[space.p + place] = np.linalg.norm(
-                data.whitened(surface.ladders[effect.name].change(effect.scale.amplitude(1.0)))
+                data.whitened(surface.ladders[effect.name].change(effect.scale.value(1.0)))
             )
     new = np.array([effect.name in surface.ladders for effect in space.effects], dtype=bool)
     slope = np.full(space.size, 1.0 / (np.sqrt(2.0) * SLOPE_STEP))

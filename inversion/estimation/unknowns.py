@@ -4,7 +4,7 @@ Strengths and densities are fitted as logarithms, friction angles as they are. E
 is then divided by what was known of it beforehand, so that a step of one means the same for each:
 the prior's standard deviation, or the width of the bounds / sqrt(12) (all values between them
 equally likely) where no prior is given. Amplitudes are counted in units of a middle rung of their
-ladder, or in decades (`Scale`):
+ladder, or in decades (`inversion.problem.unknown.Scale`):
 
     x = [fitted parameters, amplitude / unit].
 
@@ -26,17 +26,15 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import helmert
-from scipy.special import ndtr
 
 from geometry.scenes.scene import Scene
-from inversion.problem.question import LOGARITHMIC, STRENGTH_RATIO, STRENGTHS, ParameterSpec
+from inversion.problem.question import STRENGTH_RATIO, STRENGTHS, ParameterSpec
 from inversion.problem.scene_changes import pool_at, with_properties
 from inversion.problem.state import State, simulated, state
+from inversion.problem.unknown import Unknown, unknown_parameter
 
 #: Spread of the logarithm of strength ratios that the preference for the first guesses allows.
 RATIO_STD = 1.0
-#: Least share of a prior within its bounds: one that lies wholly outside is an error of its author.
-LEAST_WITHIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,10 +51,15 @@ class Parameters:
         """Names in the question's order."""
         return [spec.name for spec in self.specs]
 
-    @property
+    @cached_property
+    def unknowns(self) -> list[Unknown]:
+        """Each with its scale and its prior, (p,)."""
+        return [unknown_parameter(spec) for spec in self.specs]
+
+    @cached_property
     def logarithmic(self) -> np.ndarray:
         """(p,) bool: fitted as logarithms."""
-        return np.array([spec.property in LOGARITHMIC for spec in self.specs])
+        return np.array([one.logarithmic for one in self.unknowns], dtype=bool)
 
     @property
     def strengths(self) -> np.ndarray:
@@ -76,7 +79,7 @@ class Parameters:
     @property
     def has_prior(self) -> np.ndarray:
         """(p,) bool: the question gives a prior."""
-        return np.array([spec.prior is not None for spec in self.specs])
+        return np.array([one.normal is not None for one in self.unknowns], dtype=bool)
 
     @property
     def start(self) -> np.ndarray:
@@ -93,31 +96,19 @@ class Parameters:
         """Upper bounds, values (p,)."""
         return np.array([spec.high for spec in self.specs])
 
-    @property
+    @cached_property
     def prior_std(self) -> np.ndarray:
         """Standard deviation before the data, in the logarithm or the unit of the fit, (p,)."""
-        wide = (self._plain(self.high) - self._plain(self.low)) / np.sqrt(12.0)
-        given = [
-            std / (mean if spec.property in LOGARITHMIC else 1.0)
-            for spec, (mean, std) in zip(self.specs, self._stated, strict=True)
-        ]
-        return np.where(self.has_prior, given, wide)
+        return np.array([one.std for one in self.unknowns])
 
     @property
     def prior_mean(self) -> np.ndarray:
         """Most likely values before the data (p,): of the prior, else the first guess."""
-        return np.where(self.has_prior, [mean for mean, _ in self._stated], self.start)
-
-    @property
-    def _stated(self) -> list[tuple[float, float]]:
-        """Mean and standard deviation of each prior; NaN where there is none."""
         priors = (spec.prior for spec in self.specs)
-        return [
-            (np.nan, np.nan)
-            if prior is None or prior.mean is None or prior.std is None
-            else (prior.mean, prior.std)
-            for prior in priors
-        ]
+        means = [None if prior is None else prior.mean for prior in priors]
+        return np.array(
+            [start if mean is None else mean for start, mean in zip(self.start, means, strict=True)]
+        )
 
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
@@ -195,98 +186,6 @@ class Parameters:
 
 
 @dataclass(frozen=True)
-class Scale:
-    """How an amplitude is counted: 0 is none.
-
-    Attributes:
-        unit: amplitude that counts as 1.
-        decades: each count beyond 1 is ten times the amplitude before; else each is one more unit.
-    """
-
-    unit: float = 1.0
-    decades: bool = False
-
-    def count(self, amplitude: float) -> float:
-        """Counts of an amplitude; in decades none below a tenth of the unit."""
-        if not self.decades:
-            return amplitude / self.unit
-        return max(1.0 + math.log10(amplitude / self.unit), 0.0) if amplitude > 0.0 else 0.0
-
-    def amplitude(self, count: float) -> float:
-        """Amplitude of a count."""
-        if not self.decades:
-            return count * self.unit
-        return self.unit * 10.0 ** (count - 1.0) if count > 0.0 else 0.0
-
-    def slope(self, count: float) -> float:
-        """Derivative of the amplitude by its count."""
-        return self.amplitude(count) * math.log(10.0) if self.decades else self.unit
-
-    def spread(self, mean: float, std: float) -> float:
-        """Standard deviation (in counts) of an amplitude with a mean and a standard deviation."""
-        return std / self.slope(self.count(mean)) if self.decades else std / self.unit
-
-
-@dataclass(frozen=True)
-class UnknownAmplitude:
-    """One effect of a model as an unknown.
-
-    Attributes:
-        name: of the effect.
-        low: lower bound of the amplitude.
-        high: upper bound of the amplitude.
-        scale: how it is counted in x.
-        mean: most likely amplitude beforehand; None: any between the bounds.
-        std: its standard deviation; None with `mean`.
-        choices: equally likely forms of the effect, of which this is one.
-
-    Where both bounds are one value the amplitude is held there: the effect is a switch that is on,
-    and takes no degree of freedom.
-    """
-
-    name: str
-    low: float
-    high: float
-    scale: Scale
-    mean: float | None = None
-    std: float | None = None
-    choices: int = 1
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Bounds of x."""
-        return self.scale.count(self.low), self.scale.count(self.high)
-
-    @property
-    def prior(self) -> tuple[float, float] | None:
-        """Mean and standard deviation of x; None: any between the bounds."""
-        if self.mean is None or self.std is None:
-            return None
-        return self.scale.count(self.mean), self.scale.spread(self.mean, self.std)
-
-    @property
-    def held(self) -> bool:
-        """There is nothing to fit."""
-        return self.low == self.high
-
-    @property
-    def ln_prior_width(self) -> float:
-        """Logarithm of the prior's volume: ln prior density = -this - (x - x0)^2 / 2.
-
-        A Gaussian that is cut off at the bounds has the volume that lies within them.
-        """
-        if self.held:
-            return 0.0
-        bottom, top = self.bounds
-        if self.prior is None:
-            return math.log(top - bottom)
-        mean, std = self.prior
-        low, high = ((bound - mean) / std for bound in (bottom, top))
-        within = max(float(ndtr(high) - ndtr(low)), LEAST_WITHIN)
-        return math.log(math.sqrt(2.0 * math.pi) * within * std)
-
-
-@dataclass(frozen=True)
 class Unknowns:
     """The unknowns x (q,) of a fit: parameters, and amplitudes of the effects that act.
 
@@ -297,7 +196,7 @@ class Unknowns:
     """
 
     parameters: Parameters
-    effects: tuple[UnknownAmplitude, ...] = ()
+    effects: tuple[Unknown, ...] = ()
     fixed: tuple[int, ...] = ()
 
     @property
@@ -342,8 +241,8 @@ class Unknowns:
         blocks = [np.hstack([rows, np.zeros((len(rows), len(self.effects)))])]
         totals = [constants]
         for place, effect in enumerate(self.effects):
-            if effect.prior is not None:
-                mean, std = effect.prior
+            if effect.normal is not None:
+                mean, std = effect.normal
                 row = np.zeros((1, self.size))
                 row[0, self.p + place] = 1.0 / std
                 blocks.append(row)
@@ -362,7 +261,7 @@ class Unknowns:
     def amplitudes(self, x: np.ndarray) -> dict[str, float]:
         """Amplitudes by name."""
         return {
-            effect.name: float(effect.scale.amplitude(count))
+            effect.name: float(effect.scale.value(count))
             for effect, count in zip(self.effects, x[self.p :], strict=True)
         }
 
@@ -396,6 +295,6 @@ class Unknowns:
         ]
         return np.concatenate([slopes, amplitudes])
 
-    def with_effects(self, effects: Sequence[UnknownAmplitude]) -> Unknowns:
+    def with_effects(self, effects: Sequence[Unknown]) -> Unknowns:
         """The same parameters with these effects in place of its own."""
         return replace(self, effects=tuple(effects))

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inversion.posterior.gaussian_process import GaussianProcess, fit
-from inversion.posterior.unknown import Unknown
+from inversion.problem.unknown import Unknown
 
 #: Width of the linear part, in standard deviations of the measurement.
 LINEAR_STD = 5.0

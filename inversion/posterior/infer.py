@@ -27,7 +27,7 @@ from inversion.posterior.emulator import LEAST_RUNS, LINEAR_STD, Emulator, Warp,
 from inversion.posterior.likelihood import Likelihood
 from inversion.posterior.runs import EmulatedModel
 from inversion.posterior.sampling import Sampled, nested, spread_out, tempered
-from inversion.posterior.unknown import Unknown
+from inversion.problem.unknown import Unknown
 from pipeline.cli import WorkFailed
 from pipeline.config import PosteriorSettings
 from pipeline.progress import Watch
@@ -314,7 +314,7 @@ class Inferred(Generic[AnyModel]):
         if unknown.normal is None:
             return 1.0
         after, before = (
-            np.var(unknown.transformed(draws[:, place])) for draws in (self.values, self.prior)
+            np.var(unknown.counts(draws[:, place])) for draws in (self.values, self.prior)
         )
         return float(np.clip(1.0 - after / max(before, 1e-300), 0.0, 1.0))
 

@@ -18,13 +18,14 @@ from inversion.engines.registry import MPM, Engine
 from inversion.engines.run_store import Store
 from inversion.engines.small_cells import SmallCells, cells_by
 from inversion.estimation.forward import Forward, Prediction, SectionSetup, Setup
-from inversion.posterior.unknown import Unknown, VariedCase
+from inversion.posterior.varied_case import VariedCase
 from inversion.problem.question import (
     RESIDUAL_STRENGTH,
     STRENGTH_RATIO,
     OtherSetting,
     TimeStep,
 )
+from inversion.problem.unknown import Unknown
 
 #: Share of its moves that a section keeps that cannot be drawn, and how often it is tried.
 BACK, MOST_BACK = 0.85, 15

@@ -41,8 +41,8 @@ from inversion.posterior.draws import Draws, save_draws
 from inversion.posterior.emulator import Emulated
 from inversion.posterior.infer import Inferred
 from inversion.posterior.runs import CaseModel, stress_name
-from inversion.posterior.unknown import Unknown
 from inversion.problem.question import STRENGTH_RATIO
+from inversion.problem.unknown import Unknown
 from mpm_taichi import PHYSICS_VERSION as SOLVER_VERSION
 from pipeline.files import write_json
 from pipeline.manifest import manifest
@@ -224,9 +224,7 @@ def _unknown(found: Inferred[CaseModel], place: int) -> UnknownAnswer:
             ratio, strength = spread(after), spread(after * sigma)
         else:
             ratio = spread(after / sigma)
-    left = float(
-        np.var(unknown.transformed(after)) / max(np.var(unknown.transformed(before)), 1e-300)
-    )
+    left = float(np.var(unknown.counts(after)) / max(np.var(unknown.counts(before)), 1e-300))
     return UnknownAnswer(
         name=unknown.name,
         label=unknown.label,
@@ -249,11 +247,11 @@ def _sobol(found: Inferred[CaseModel], place: int) -> list[SobolShare]:
     """Shares of a parameter's variance, by the other unknowns and the errors of what was fitted."""
     inference, targets = found.inference, found.inference.targets
     unknowns, names = inference.unknowns, inference.names
-    values = np.stack([one.transformed(found.told[:, k]) for k, one in enumerate(unknowns)], axis=1)
+    values = np.stack([one.counts(found.told[:, k]) for k, one in enumerate(unknowns)], axis=1)
     inputs = [np.delete(values, place, axis=1)]
     labels = [one.name for k, one in enumerate(unknowns) if k != place]
     if inference.cells is not None and unknowns[place].strength:
-        ran = unknowns[place].transformed(found.values[:, place])
+        ran = unknowns[place].counts(found.values[:, place])
         inputs.append((values[:, place] - ran)[:, None])
         labels.append(CELLS)
     known, groups = targets.fitted & ~targets.censored, np.array(targets.groups)
@@ -328,8 +326,7 @@ def _prior_words(unknown: Unknown) -> str:
 
 
 def _distribution_words(unknown: Unknown) -> str:
-    low, high = (np.exp(t) if unknown.logarithmic else t for t in (unknown.low, unknown.high))
-    cut = f"{low:.3g} to {high:.3g}"
+    cut = f"{unknown.low:.3g} to {unknown.high:.3g}"
     if unknown.normal is None:
         return f"{'ln ' * unknown.logarithmic}uniform, {cut}"
     mean, std = unknown.normal

@@ -28,7 +28,7 @@ from inversion.prediction.known_strength import KnownStrength, strength_paramete
 from inversion.prediction.predict import ENVELOPE_SAMPLES, Distribution, predict
 from inversion.prediction.prediction_document import distribution_of, head_of
 from inversion.prediction.response import JoinedSurfaces
-from mpm_taichi.readings3d import named
+from mpm_taichi.readings3d import ACROSS, named
 from pipeline.config import SimulationSettings
 
 VOLUME_UNIT, DISCHARGE_UNIT = "m3", "m3/s"
@@ -115,7 +115,7 @@ def prediction_setup(
         "inundated_area_m2",
         "volume_beyond_foot_m3",
         "volume_moved_m3",
-        *(f"volume_across_{name}_m3" for name in document.lines),
+        *(name.join(ACROSS) for name in document.lines),
         "largest_speed_m_per_s",
     ]
     entries: list[MapMeasured] = [PlanReading(name=name) for name in names]
@@ -262,7 +262,7 @@ def _of_lines(
         hydrograph(
             line,
             smooth[:, place * steps : (place + 1) * steps],
-            np.maximum(found.samples[:, found.names.index(f"volume_across_{line}_m3")], 0.0),
+            np.maximum(found.samples[:, found.names.index(line.join(ACROSS))], 0.0),
             units=(VOLUME_UNIT, DISCHARGE_UNIT),
         )
         for place, line in enumerate(lines)

@@ -351,10 +351,10 @@ def strength_sentences(data: DiagnosisData) -> list[str]:
     """Each parameter before and after."""
     said = []
     for p in data.parameters:
-        before = strength_words(data.base, p.name, p.unit)
+        before = strength_words(data.base, p)
         text = f"{p.words[:1].upper()}{p.words[1:]}: {before} with the base model"
         if data.final is not None and p.name in data.final.values:
-            after = strength_words(data.final, p.name, p.unit)
+            after = strength_words(data.final, p)
             text += f", {after} with the effects of the answer"
         said.append(f"{text}.")
         if used := quoted_words(data, p.name, p.unit):
@@ -447,11 +447,17 @@ def unlisted_words(used: QuotedValue) -> str:
     return f", with {percent(used.beyond)} for causes that are on no list"
 
 
-def strength_words(stage: FittedModelSummary, name: str, unit: str) -> str:
-    """A parameter with its error, and its error with what is assumed where that is known."""
-    found = plus_minus(stage.values[name], stage.std.get(name, 0.0), unit)
-    wide = stage.std_assumed.get(name)
-    if wide is None:
+def fitted_words(stage: FittedModelSummary, p: ParameterWords) -> str:
+    """A parameter with its error; on a bound that says nothing, and the bound is named."""
+    if side := bound(p, stage):
+        return f"{with_unit(stage.values[p.name], p.unit)}, its {side} bound"
+    return plus_minus(stage.values[p.name], stage.std.get(p.name, 0.0), p.unit)
+
+
+def strength_words(stage: FittedModelSummary, p: ParameterWords) -> str:
+    """The same, with what is assumed in its error too where that is known."""
+    found, wide = fitted_words(stage, p), stage.std_assumed.get(p.name)
+    if wide is None or bound(p, stage):
         return found
     return f"{found} (std {number(wide, 2)} with what is assumed of soils, geometry and survey)"
 

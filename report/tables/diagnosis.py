@@ -13,7 +13,6 @@ from diagnosis.verdict.verdict import (
     FittedModelSummary,
     MeasurementVerdict,
     NextMeasurement,
-    ParameterWords,
     WaterfallStep,
 )
 from report.data.diagnosis import DiagnosisData
@@ -34,8 +33,8 @@ from report.sentences.diagnosis import (
     AMONG,
     BY_HAND,
     VERDICTS,
-    bound,
     explanation,
+    fitted_words,
     off,
     off_held_out,
     quoted_value,
@@ -75,8 +74,8 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
         entries.append(_fall(f"misfit, {spoken(check.case)}", *ends))
     for p in data.parameters:
         stage = base if final is None or p.name not in final.values else final
-        remark = "base model" if stage is base else f"{_value(base, p)} before"
-        value = _value(stage, p)
+        remark = "base model" if stage is base else f"{fitted_words(base, p)} before"
+        value = fitted_words(stage, p)
         if verdict is not None and p.name in verdict.quoted:
             value = quoted_value(verdict, p.name, p.unit)
         if verdict is not None and verdict.verdict == "unknown_effect":
@@ -84,12 +83,6 @@ def key_numbers(data: DiagnosisData) -> KeyNumbers:
         entries.append((p.words, value, remark))
     runs = document.runs
     return KeyNumbers([*entries, ("forward runs", f"{runs.asked}", f"of {runs.allowed} allowed")])
-
-
-def _value(stage: FittedModelSummary, p: ParameterWords) -> str:
-    if side := bound(p, stage):
-        return f"{with_unit(stage.values[p.name], p.unit)}, its {side} bound"
-    return plus_minus(stage.values[p.name], stage.std.get(p.name, 0.0), p.unit)
 
 
 def _fall_of_fit(
@@ -113,7 +106,7 @@ def parameters_table(data: DiagnosisData) -> Table:
     """Calibrated values, one column for each model."""
     rows = []
     for p in data.parameters:
-        rows.append([p.words, *(_value(stage, p) for _, stage in data.stages)])
+        rows.append([p.words, *(fitted_words(stage, p) for _, stage in data.stages)])
         wide = [stage.std_assumed.get(p.name) for _, stage in data.stages]
         if any(wide):
             rows.append(

@@ -19,9 +19,10 @@ from geometry.survey.toe_history import ToeHistory
 from geometry.survey.toe_runout import ToeRunout
 from inversion.estimation.data import Data, make_targets
 from inversion.estimation.hold_out import HoldOut, split
-from inversion.estimation.unknowns import Parameters, UnknownAmplitude, Unknowns
+from inversion.estimation.unknowns import Parameters, Unknowns
 from inversion.problem.question import ParameterSpec, Prior
 from inversion.problem.state import State
+from inversion.problem.unknown import Unknown
 
 X = np.linspace(0.0, 46.0, 24)
 TIMES = [2.0, 4.0, 6.0, 9.0]
@@ -141,7 +142,7 @@ class Straight:
         parts = split(self.targets, self.hold_out or HoldOut(groups=()))
         return self.targets.data(split=parts)
 
-    def space(self, effects: Sequence[UnknownAmplitude]) -> Unknowns:
+    def space(self, effects: Sequence[Unknown]) -> Unknowns:
         return Unknowns(self.parameters, tuple(effects))
 
     def slope(self, space: Unknowns) -> np.ndarray:

@@ -26,7 +26,7 @@ from inversion.estimation.data import places_of
 from inversion.estimation.hold_out import HoldOut
 from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.surface_search import Fit
-from inversion.estimation.unknowns import Scale, UnknownAmplitude
+from inversion.problem.unknown import Scale, Unknown
 from tests.diagnosis.straight import X, signatures, straight
 
 CASES = 300
@@ -112,7 +112,7 @@ def test_score_gives_amplitude_and_drop_of_an_exact_refit():
     d = signatures()["bend"]
     every = {"bend": Signature("bend", {1.0: d}, {}, (1.0, d))}
     score = score_all(found, every, case.candidates).best("bend")
-    exact = best(case, [UnknownAmplitude("bend", -9.0, 9.0, Scale())])
+    exact = best(case, [Unknown("bend", -9.0, 9.0, Scale())])
     assert score.drop == pytest.approx(fit.total - exact.total, rel=1e-6)
     assert score.amplitude == pytest.approx(exact.x[-1], rel=1e-6)
     assert score.z == pytest.approx(np.sqrt(score.drop), rel=1e-6)

@@ -21,8 +21,8 @@ from geometry.case import load_case
 from inversion.engines.registry import engine_named
 from inversion.estimation.forward import SectionSetup
 from inversion.estimation.misfit import system
-from inversion.estimation.unknowns import Scale, UnknownAmplitude
 from inversion.problem.question import FixedProperty
+from inversion.problem.unknown import Scale, Unknown
 from pipeline.cli import InputError
 from tests.diagnosis.straight import signatures, straight
 
@@ -189,6 +189,14 @@ def test_a_hypothesis_may_doubt_an_assumption(setup):
     assert off == setup.scene.ground != on
 
 
+def test_of_two_assumptions_that_set_the_same_thing_one_is_refused(setup):
+    two = {"bonded_base": 1.0, "base_of_friction": 0.6}
+    with pytest.raises(InputError, match="effects: bonded_base: does nothing beside base_of_fric"):
+        assumed_otherwise(setup, [], two, "02_base.yaml")
+    apart = assumed_otherwise(setup, [], {"bonded_base": 1.0, "pool": 3.0}, "02_both.yaml").scene
+    assert apart.water_level == 3.0 and apart.ground.contact == "no_slip"
+
+
 def switched(seed: int, effects: dict[str, float]):
     """The straight model whose bend is on or off."""
     model = straight(seed, effects)
@@ -247,7 +255,7 @@ def test_what_is_assumed_widens_a_strength_as_an_unknown_with_that_prior_would()
     change = signatures()["late"]
     plain, doubted = (
         case.space([]),
-        case.space([UnknownAmplitude("late", -9.0, 9.0, Scale(), 0.0, 0.7)]),
+        case.space([Unknown("late", -9.0, 9.0, Scale(), (0.0, 0.7))]),
     )
     x = plain.parameters.to_fitted(plain.parameters.start)
     narrow = system(case.data, plain, case.slope(plain), x)

@@ -21,7 +21,8 @@ from diagnosis.selection.evidence import (
 )
 from inversion.estimation.data import Data
 from inversion.estimation.surface_search import Fit
-from inversion.estimation.unknowns import Scale, UnknownAmplitude, Unknowns
+from inversion.estimation.unknowns import Unknowns
+from inversion.problem.unknown import Scale, Unknown
 from tests.budget import examples
 from tests.diagnosis.straight import Straight, errors, straight, truth
 
@@ -67,7 +68,7 @@ def by_quadrature(case: Straight, space: Unknowns) -> float:
 @pytest.mark.parametrize("bounds", [(-50.0, 50.0), (0.0, 0.8), (0.0, 50.0)])
 def test_laplace_is_exact_where_the_model_is_linear(bounds):
     case = straight(seed=3, effects={"bend": 0.6})
-    free = UnknownAmplitude("bend", *bounds, Scale())
+    free = Unknown("bend", *bounds, Scale())
     with_effect, without = case.space([free]), case.space([])
     gain = ln_evidence(case.data, fitted(case, with_effect), 1) - ln_evidence(
         case.data, fitted(case, without), 1
@@ -85,7 +86,7 @@ def test_laplace_is_exact_where_a_parameter_rests_on_its_bound(name, amplitude, 
     """The strength of the base model is at 2 or 200 kPa; one of the effects brings it back."""
     case = Straight(truth({name: amplitude}, strength=strength) + errors(3))
     without = case.space([])
-    with_effect = case.space([UnknownAmplitude(name, -3.0, 3.0, Scale())])
+    with_effect = case.space([Unknown(name, -3.0, 3.0, Scale())])
     fits = [fitted(case, space) for space in (without, with_effect)]
     ends = without.low[0], without.high[0]
     assert min(abs(fits[0].x[0] - end) for end in ends) < 1e-6
@@ -96,8 +97,8 @@ def test_laplace_is_exact_where_a_parameter_rests_on_its_bound(name, amplitude, 
 
 def test_laplace_with_a_prior_and_with_two_amplitudes():
     case = straight(seed=5, effects={"bend": 0.6, "step": 1.0})
-    step = UnknownAmplitude("step", 0.0, 1.5, Scale())
-    two = case.space([UnknownAmplitude("bend", -3.0, 3.0, Scale(), 0.5, 0.3), step])
+    step = Unknown("step", 0.0, 1.5, Scale())
+    two = case.space([Unknown("bend", -3.0, 3.0, Scale(), (0.5, 0.3)), step])
     one = case.space([step])
     gain = ln_evidence(case.data, fitted(case, two), 1) - ln_evidence(
         case.data, fitted(case, one), 1
@@ -107,10 +108,10 @@ def test_laplace_with_a_prior_and_with_two_amplitudes():
 
 def test_odds_are_one_in_k_for_an_effect_and_one_in_all_pairs_for_two():
     case = straight(seed=1, effects={})
-    fit = fitted(case, case.space([UnknownAmplitude("bend", -2.0, 2.0, Scale())]))
+    fit = fitted(case, case.space([Unknown("bend", -2.0, 2.0, Scale())]))
     lost = ln_evidence(case.data, fit, 1) - ln_evidence(case.data, fit, 12)
     assert lost == pytest.approx(math.log(12))
-    two = case.space([UnknownAmplitude(name, -2.0, 2.0, Scale()) for name in ("bend", "step")])
+    two = case.space([Unknown(name, -2.0, 2.0, Scale()) for name in ("bend", "step")])
     lost = ln_evidence(case.data, fitted(case, two), 2) - ln_evidence(
         case.data, fitted(case, two), 12
     )
@@ -121,7 +122,7 @@ def test_evidence_does_not_hang_on_the_unit_of_the_amplitude():
     case = straight(seed=2, effects={"bend": 0.6})
     found = []
     for unit in (0.1, 1.0, 25.0):
-        space = case.space([UnknownAmplitude("bend", -3.0, 3.0, Scale(unit))])
+        space = case.space([Unknown("bend", -3.0, 3.0, Scale(unit))])
         found.append(ln_evidence(case.data, fitted(case, space), 5))
     assert np.ptp(found) < 1e-6
 
@@ -172,22 +173,37 @@ def test_prior_odds_share_one_among_all_models_of_a_size(candidates, effects):
     decades=st.booleans(),
 )
 def test_an_amplitude_is_its_count_on_either_scale(unit, share, decades):
-    scale, amplitude = Scale(unit, decades), unit * share
+    scale, amplitude = Scale(unit, "decades" if decades else "plain"), unit * share
     count = scale.count(amplitude)
-    assert scale.amplitude(count) == pytest.approx(amplitude)
-    assert scale.count(0.0) == scale.amplitude(0.0) == 0.0
+    assert scale.value(count) == pytest.approx(amplitude)
+    assert scale.count(0.0) == scale.value(0.0) == 0.0
     step = 1e-5
-    slope = (scale.amplitude(count + step) - scale.amplitude(count - step)) / (2.0 * step)
+    slope = (scale.value(count + step) - scale.value(count - step)) / (2.0 * step)
     assert scale.slope(count) == pytest.approx(slope, rel=1e-6)
     assert scale.count(10.0 * amplitude) - count == pytest.approx(1.0 if decades else 9.0 * share)
     assert scale.spread(amplitude, 0.1 * amplitude) == pytest.approx(
         0.1 / math.log(10.0) if decades else 0.1 * share
     )
+    many = np.array([0.0, amplitude])
+    assert scale.count(many).tolist() == [0.0, count]
+    assert scale.value(scale.count(many)) == pytest.approx(many)
+
+
+@settings(max_examples=examples(60))
+@given(unit=st.floats(0.01, 10.0), value=st.floats(1e-3, 1e4))
+def test_a_logarithm_counts_in_its_unit(unit, value):
+    scale = Scale(unit, "logarithm")
+    count = scale.count(value)
+    assert scale.value(count) == pytest.approx(value)
+    assert scale.count(value * math.exp(unit)) - count == pytest.approx(1.0)
+    assert scale.slope(count) == pytest.approx(unit * value)
+    assert scale.spread(value, 0.1 * value) == pytest.approx(0.1 / unit)
 
 
 def test_a_gaussian_in_decades_has_the_volume_of_one_in_counts():
     spread = 0.5 * math.log(10.0)
-    decades = UnknownAmplitude("k", 1e-9, 1e9, Scale(0.1, decades=True), 1.0, spread)
-    plain = UnknownAmplitude("count", 0.0, 11.0, Scale(), 2.0, 0.5)
-    assert decades.prior == pytest.approx(plain.prior)
+    scale = Scale(0.1, "decades")
+    decades = Unknown("k", 1e-9, 1e9, scale, (scale.count(1.0), scale.spread(1.0, spread)))
+    plain = Unknown("count", 0.0, 11.0, Scale(), (2.0, 0.5))
+    assert decades.normal == pytest.approx(plain.normal)
     assert decades.ln_prior_width == pytest.approx(plain.ln_prior_width, abs=1e-4)

@@ -15,7 +15,7 @@ from diagnosis.track_record import beyond_list
 from diagnosis.verdict.fitted_models import INTERVALS
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.misfit import system
-from inversion.estimation.unknowns import Scale, UnknownAmplitude
+from inversion.problem.unknown import Scale, Unknown
 from tests.diagnosis.straight import SIZE, Straight, signatures, straight
 from tests.diagnosis.test_evidence import fitted
 
@@ -45,8 +45,7 @@ def test_spread_with_an_error_that_the_weights_do_not_know():
 def models(seed: int = 0):
     case = straight(seed, {"late": 2.0})
     spaces = [
-        case.space([UnknownAmplitude(n, -3.0, 3.0, Scale())] if n else [])
-        for n in ("", "late", "bend")
+        case.space([Unknown(n, -3.0, 3.0, Scale())] if n else []) for n in ("", "late", "bend")
     ]
     fits = [fitted(case, space) for space in spaces]
     return case, {fit.names: FittedModel(fit, 0.0, None, None) for fit in fits}

@@ -33,7 +33,7 @@ from diagnosis.verdict.verdict import Verdict
 from diagnosis.verdict.verdict_builder import verdict_document
 from inversion.estimation.hold_out import HoldOut
 from inversion.estimation.surface_search import Fit
-from inversion.estimation.unknowns import Scale, UnknownAmplitude
+from inversion.problem.unknown import Scale, Unknown
 from report.sentences.finding import headline
 from tests.diagnosis import straight as straight_model
 from tests.diagnosis.straight import X, signatures, straight
@@ -179,7 +179,7 @@ def refitted(ln_evidence: float, total: float, held_out: float, *names: str) -> 
     """As much of a refit as acceptance looks at; five numbers held out."""
     p = float(np.exp(-0.5 * max(held_out - 3.0, 0.0)))
     case = straight(0, {})
-    space = case.space([UnknownAmplitude(name, 0.0, 1.0, Scale()) for name in names])
+    space = case.space([Unknown(name, 0.0, 1.0, Scale()) for name in names])
     x = np.concatenate([np.zeros(2), np.full(len(names), 0.5)])
     fit = Fit(space, x, np.zeros(1), np.zeros((1, 2)), total)
     return FittedModel(fit, ln_evidence, HeldOutMisfit(held_out, 5, p, -0.5 * held_out), None)
@@ -501,7 +501,7 @@ def test_an_amplitude_on_its_bound_is_no_answer_and_a_rival_all_the_same():
     assert why_not(BASE, good, Options()) is None
     at_end = replace(good, fit=replace(good.fit, x=np.array([0.0, 0.0, 1.0])))
     assert why_not(BASE, at_end, Options()) == Reason(kind="at_bound", of="late")
-    held = straight(0, {}).space([UnknownAmplitude("late", 1.0, 1.0, Scale())])
+    held = straight(0, {}).space([Unknown("late", 1.0, 1.0, Scale())])
     switch = replace(good, fit=replace(good.fit, space=held, x=np.array([0.0, 0.0, 1.0])))
     assert why_not(BASE, switch, Options()) is None, "a switch has none"
     tried_models = TriedModels({(): BASE, at_end.names: at_end})

@@ -24,7 +24,7 @@ from inversion.engines import registry
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
 from inversion.posterior.runs import CaseModel
-from inversion.posterior.unknown import varied_case
+from inversion.posterior.varied_case import varied_case
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from pipeline.cli import InputError

@@ -12,15 +12,16 @@ from PIL import Image
 import flowslide
 from benchmarks.verification.three_dimensions import slab_scene
 from flowslide.command_line import main
-from flowslide.commands import options
 from geometry.scenes3d.fill3d import drawn_volume
-from geometry.scenes3d.scene3d import load_scene_3d
+from geometry.scenes3d.scene3d import is_body, load_scene_3d
 from geometry.terrain.raster import Raster, write_raster
 from mpm_taichi.solver3d.problem import problem_of
 from mpm_taichi.trajectory3d import read_run_3d
 from pipeline.cli import InputError
 from pipeline.files import write_text, yaml_text
 from report.pictures.body_film import chosen_frames
+from report.prediction3d import doubts
+from report.simulation3d import warning
 
 SHORT = ["--set", "simulation.duration_s=2", "--threads", "1", "--quiet"]
 
@@ -46,9 +47,12 @@ def test_check_and_show(slab, tmp_path, capsys):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_case_with_measurements_is_its_section_unless_the_file_is_named(root):
+def test_a_case_with_a_measured_section_is_that_unless_the_file_is_named(root, tmp_path):
     case = root / "case_histories/lower_san_fernando"
-    assert not options.is_3d(str(case)) and options.is_3d(str(case / "scene3d.yaml"))
+    assert not is_body(case) and is_body(case / "scene3d.yaml")
+    for file in ("scene.yaml", "scene3d.yaml", "measurements.yaml"):
+        (tmp_path / file).write_text((case / file).read_text())
+        assert is_body(tmp_path) == (file == "scene3d.yaml")
     wide = load_scene_3d(case)
     assert (wide.document.section.width_m, wide.section.domain.walls) == (550.0, "closed")
 
@@ -105,6 +109,17 @@ def test_simulate_leaves_a_run_readings_rasters_and_a_page(slab, tmp_path, capsy
     rasterio = pytest.importorskip("rasterio", reason="needs the extra `terrain`")
     with rasterio.open(out / "thickness_after.tif") as file:
         assert file.read(1).sum() * file.res[0] ** 2 == pytest.approx(run.volume.sum(), rel=0.01)
+
+
+def test_a_line_the_wrong_way_round_is_told():
+    said = "crossed gauge to the left, seen from the first end"
+    assert said in warning([], {"volume_across_gauge_m3": -3.0, "volume_across_road_m3": 2.0})
+    assert warning([], {"volume_across_road_m3": 2.0, "toe_runout_m": -1.0}) == ""
+    moments = {"mean": -3.0, "std": 0.0}
+    quantity = {"name": "volume across gauge", "type": "reading", "censored": False, **moments}
+    document = {"inundation": [], "quantities": [{**quantity, "first_order": moments}],
+                "failed_runs": 0, "runs_cut_off": 0}  # fmt: skip
+    assert said in doubts(document)[-1]
 
 
 def test_what_three_dimensions_lack_is_refused_before_any_work(slab, tmp_path):

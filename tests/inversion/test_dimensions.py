@@ -18,7 +18,7 @@ from inversion.engines.run_store import RunStore
 from inversion.new_case.from_dimensions import case_of_dimensions
 from inversion.posterior.document import load_posterior
 from inversion.posterior.runs import CaseModel
-from inversion.posterior.unknown import varied_case
+from inversion.posterior.varied_case import varied_case
 from inversion.problem.question import UnknownDimension
 from pipeline.cli import InputError
 from pipeline.config import load_config

@@ -26,7 +26,7 @@ from inversion.engines.registry import engine_named, engines, untrained
 from inversion.engines.run_store import RunStore
 from inversion.estimation.forward import Forward
 from inversion.posterior.runs import CaseModel
-from inversion.posterior.unknown import varied_case as unknowns_of
+from inversion.posterior.varied_case import varied_case as unknowns_of
 from inversion.prediction.known_strength import KnownStrength
 from inversion.prediction.predict import predict
 from inversion.prediction.prediction_case import prediction_case

@@ -20,7 +20,7 @@ from inversion.engines.run_store import RunStore
 from inversion.engines.run_store_3d import RunStore3d
 from inversion.posterior.document import load_posterior
 from inversion.posterior.runs import CaseModel
-from inversion.posterior.unknown import varied_case
+from inversion.posterior.varied_case import varied_case
 from mpm_taichi.trajectory import read_run
 from pipeline.cli import InputError
 from pipeline.config import SimulationSettings, load_config

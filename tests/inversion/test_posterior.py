@@ -28,14 +28,15 @@ from inversion.posterior.likelihood import Likelihood, log_likelihood
 from inversion.posterior.runs import CaseModel
 from inversion.posterior.sampling import resampled, spread_out, tempered
 from inversion.posterior.summary import coarse_remarks, shares
-from inversion.posterior.unknown import Unknown, unknown_parameter, varied_case
+from inversion.posterior.varied_case import varied_case
 from inversion.problem.question import FixedProperty, Prior
+from inversion.problem.unknown import Unknown, unknown_parameter
 from pipeline.cli import InputError, WorkFailed
 from pipeline.config import PosteriorSettings
 from tests.inversion.analytic import angle, strength, targets, toes
 
 STRENGTH = unknown_parameter(strength("a"))
-SCORE = Unknown("z", "z", "std", False, -3.0, 3.0, (0.0, 1.0))
+SCORE = Unknown("z", -3.0, 3.0, normal=(0.0, 1.0), unit="std")
 FEW = PosteriorSettings(coarse_runs=64, refined_runs=24, fine_runs=8, live_points=150, draws=2000)
 
 
@@ -96,7 +97,7 @@ def by_quadrature(formula, measured: float, std: float) -> tuple[float, float, f
         SCORE,
         unknown_parameter(strength("a", prior=Prior(mean=20.0, std=6.0))),
         unknown_parameter(angle("b", prior=Prior(mean=31.0, std=3.0))),
-        Unknown("half", "half", "std", False, 0.0, 3.0, (0.0, 1.0)),
+        Unknown("half", 0.0, 3.0, normal=(0.0, 1.0), unit="std"),
     ],
     ids=lambda one: one.name,
 )

@@ -84,7 +84,7 @@ def amplitudes(one: Suspect, count: int, rng: np.random.Generator) -> np.ndarray
         counts = rng.uniform(*ends, count)
     else:
         counts = np.clip(rng.normal(*one.prior, count), *ends)
-    return np.array([ladder.scale.amplitude(number) for number in counts])
+    return np.array([ladder.scale.value(number) for number in counts])
 
 
 def seen(slide: Slide, augmented: np.ndarray) -> np.ndarray:

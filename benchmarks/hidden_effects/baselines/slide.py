@@ -23,7 +23,7 @@ from diagnosis.signatures.signatures import Score, Signature
 from inversion.estimation.data import Axis, Data, Places
 from inversion.estimation.misfit import System, augmented_residual, system
 from inversion.estimation.response_surface import Ladder
-from inversion.estimation.unknowns import Scale
+from inversion.problem.unknown import Scale
 from pipeline.documents import StrictDocument
 
 Vector = list[float]
@@ -59,7 +59,7 @@ class Suspect(StrictDocument):
         changes = dict(zip(self.amplitudes, self.changes, strict=True))
         changes[0.0] = [0.0] * len(self.changes[0])
         rungs = sorted(changes)
-        scale = Scale(self.unit, self.decades)
+        scale = Scale(self.unit, "decades" if self.decades else "plain")
         return Ladder(np.array(rungs), np.array([changes[a] for a in rungs]), scale)
 
     @property
@@ -225,7 +225,7 @@ def _suspect(candidate: Candidate, signature: Signature, best: Score, data: Data
         family=candidate.family,
         switch=candidate.switch,
         unit=scale.unit,
-        decades=scale.decades,
+        decades=scale.form == "decades",
         prior=candidate.counted_prior,
         amplitudes=signature.amplitudes,
         changes=[_short(signature.changes[a][data.fitted]) for a in signature.amplitudes],

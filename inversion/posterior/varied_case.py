@@ -1,4 +1,4 @@
-"""Everything that is unknown of a case, each with its prior.
+"""A case as a function of everything that is unknown of it.
 
 Parameters of the question: equally likely between their bounds in the scale in which a
 back-analysis fits them (strengths and densities as logarithms), or with their prior, which is cut
@@ -9,132 +9,29 @@ distribution; they enter as errors (`inversion.posterior.runs.CaseModel.other_wa
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from geometry.dimensions.family import Dimension
 from inversion.back_analysis.asked import Asked
 from inversion.back_analysis.deviations import Uncertain, deviating
 from inversion.estimation.forward import SectionSetup, Setup
 from inversion.problem.question import (
-    LOGARITHMIC,
-    RESIDUAL_STRENGTH,
-    STRENGTH_RATIO,
     UNITS,
     FixedProperty,
-    ParameterSpec,
     UnknownDimension,
     WaterLevel,
     ZoneBoundary,
 )
+from inversion.problem.unknown import Scale, Unknown, unknown_parameter
 from pipeline.cli import InputError
 
 #: Scores of nuisances beyond this are not considered: one in 370.
 FARTHEST = 3.0
 #: To which the score is found beyond which a section does not hold together.
 RESOLUTION = 0.02
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """One unknown and its prior.
-
-    The prior is uniform or normal in t, which is the value or its logarithm, between two bounds.
-
-    Attributes:
-        name: as in the question.
-        label: in words.
-        unit: of the value; "std" where it is a standard score.
-        logarithmic: t = ln(value).
-        low: of t.
-        high: of t.
-        normal: mean and standard deviation of t; None: uniform.
-        source: where the prior comes from, in words; empty: from the question.
-    """
-
-    name: str
-    label: str
-    unit: str
-    logarithmic: bool
-    low: float
-    high: float
-    normal: tuple[float, float] | None = None
-    source: str = ""
-
-    @property
-    def strength(self) -> bool:
-        """A strength or a strength ratio, which the size of the cells moves."""
-        return self.unit in (UNITS[RESIDUAL_STRENGTH], UNITS[STRENGTH_RATIO])
-
-    def at(self, share: np.ndarray) -> np.ndarray:
-        """Values at shares of the prior probability, any shape: the inverse of `share_below`."""
-        share = np.asarray(share, dtype=float)
-        if self.normal is None:
-            t = self.low + share * (self.high - self.low)
-        else:
-            (mean, std), (below, above) = self.normal, self._cut
-            t = mean + std * ndtri(below + share * (above - below))
-        return self._value(np.clip(t, self.low, self.high))
-
-    def share_below(self, values: np.ndarray) -> np.ndarray:
-        """Prior probability below values, any shape."""
-        t = self.transformed(values)
-        if self.normal is None:
-            return np.clip((t - self.low) / (self.high - self.low), 0.0, 1.0)
-        (mean, std), (below, above) = self.normal, self._cut
-        return np.clip((ndtr((t - mean) / std) - below) / (above - below), 0.0, 1.0)
-
-    def density(self, values: np.ndarray) -> np.ndarray:
-        """Prior density per unit of the value, any shape."""
-        t = self.transformed(values)
-        if self.normal is None:
-            found = np.full(np.shape(t), 1.0 / (self.high - self.low))
-        else:
-            (mean, std), (below, above) = self.normal, self._cut
-            score = (t - mean) / std
-            found = np.exp(-0.5 * score**2) / (np.sqrt(2 * np.pi) * std * (above - below))
-        found = np.where((t >= self.low) & (t <= self.high), found, 0.0)
-        return found / values if self.logarithmic else found
-
-    def scaled(self, values: np.ndarray) -> np.ndarray:
-        """Values as an emulator takes them: about -1 to 1 over the likely range, any shape."""
-        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
-        if self.normal is not None:
-            middle, half = self.normal[0], min(2.0 * self.normal[1], half)
-        return (self.transformed(values) - middle) / half
-
-    @property
-    def _cut(self) -> tuple[float, float]:
-        """Probability of a normal prior below either bound."""
-        if self.normal is None:
-            return 0.0, 1.0
-        mean, std = self.normal
-        low, high = ((bound - mean) / std for bound in (self.low, self.high))
-        return float(ndtr(low)), float(ndtr(high))
-
-    def transformed(self, values: np.ndarray) -> np.ndarray:
-        """T of values, any shape."""
-        values = np.asarray(values, dtype=float)
-        return np.log(values) if self.logarithmic else values
-
-    def _value(self, t: np.ndarray) -> np.ndarray:
-        return np.exp(t) if self.logarithmic else t
-
-
-def unknown_parameter(spec: ParameterSpec) -> Unknown:
-    """A parameter of the question as an unknown."""
-    logarithmic = spec.property in LOGARITHMIC
-    low, high = np.log((spec.low, spec.high)) if logarithmic else (spec.low, spec.high)
-    normal, prior = None, spec.prior
-    if prior is not None and prior.mean is not None and prior.std is not None:
-        normal = (prior.mean, prior.std)
-        if logarithmic:
-            normal = (float(np.log(prior.mean)), prior.std / prior.mean)
-    return Unknown(spec.name, spec.words, spec.unit, logarithmic, float(low), float(high), normal)
 
 
 @dataclass(frozen=True)
@@ -190,18 +87,20 @@ class VariedCase:
 
 def unknown_dimension(name: str, dimension: Dimension) -> Unknown:
     """A dimension of a section that nobody drew as an unknown, in its own unit."""
-    low, high, normal = dimension.low, dimension.high, dimension.normal
-    if normal is not None:
-        low, high, normal = math.log(low), math.log(high), (math.log(normal[0]), normal[1])
+    scale, normal = Scale(), None
+    if dimension.normal is not None:
+        median, std = dimension.normal
+        scale = Scale(form="logarithm")
+        normal = (scale.count(median), std)
     return Unknown(
         name,
-        dimension.label,
-        dimension.unit,
-        normal is not None,
-        low,
-        high,
+        dimension.low,
+        dimension.high,
+        scale,
         normal,
-        dimension.source,
+        label=dimension.label,
+        unit=dimension.unit,
+        source=dimension.source,
     )
 
 
@@ -240,7 +139,9 @@ def varied_case(case: Asked, refused: Callable[[Setup], str] = lambda setup: "")
             ]
         kept.append(sensitivity)
         unknowns.append(
-            Unknown(sensitivity.name, _words(sensitivity), "std", False, *ends, (0.0, 1.0))
+            Unknown(
+                sensitivity.name, *ends, normal=(0.0, 1.0), label=_words(sensitivity), unit="std"
+            )
         )
     return VariedCase(case, tuple(kept), tuple(unknowns), tuple(remarks))
 
