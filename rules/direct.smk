@@ -35,7 +35,7 @@ rule simulate_direct:
                 "simulation": SETTINGS.simulation,
                 "geometry": SETTINGS.geometry,
                 "coarse": SETTINGS.scales.get("coarse"),  # a configuration may be without it
-                "sections": 2,  # raised where `gns.direct.runs.random_section` draws others
+                "sections": 3,  # raised where `gns.direct.runs.random_slide` draws others
             }
         ),
     message:

@@ -20,7 +20,7 @@ from benchmarks.performance import direct_request
 from benchmarks.studies import learned_on_dams
 from gns.direct.judge import FAR, judged_run
 from gns.direct.predictor import MODEL_FILE, DirectPredictor
-from gns.direct.runs import random_section
+from gns.direct.runs import random_slide
 from gns.direct.sections import outcome_of, places
 from gns.direct.train import Sample, answers, read_samples
 from mpm_taichi.simulate import simulate_each
@@ -60,7 +60,7 @@ def main() -> None:
 def solver_noise(samples: list[Sample]) -> dict[str, float]:
     """How far runs of the same scenes with their points elsewhere differ, as a row of the table."""
     config = load_config(None)
-    scenes = [random_section(config, one.run).changed(jitter=JITTER, seed=SEED) for one in samples]
+    scenes = [random_slide(config, one.run).changed(jitter=JITTER, seed=SEED) for one in samples]
     again = {}
     for place, run in simulate_each([(scene, config.simulation) for scene in scenes]):
         one = samples[place]

@@ -329,8 +329,11 @@ class EngineModel(RunModel[SectionSetup]):
         base = setup.scene_at(setup.parameters.start) if setup.has_strength_ratio else setup.scene
         physics, idle = acting_candidates(base, self.numbers, duration=setup.settings.duration_s)
         if not engine.effects:
-            idle |= {one.name: f"{engine.description} has no such effect" for one in physics}
-            physics = []
+            known = engine.learned_effects() if engine.learned_effects else ()
+            seen = [one for one in physics if one.name in known and one.name not in self.numbers]
+            words = f"{engine.description} has no such effect"
+            idle |= {one.name: words for one in physics if one not in seen}
+            physics = seen
         self._wide = FiniteWidth(engine.made(store), store)
         super().__init__(
             setup,

@@ -76,6 +76,7 @@ class Forecaster:
         if self._predictor is None:
             self._predictor = shipped("direct").predictor
         section, before = self._section(asked.case)
+        self._predictor.check_learned(section, asked.case.scene.name)
         if self._predictor.distance(section) > FARTHEST:
             return None
         found = self._predictor.predict(section, before)

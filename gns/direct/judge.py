@@ -36,6 +36,7 @@ class DirectScores:
 
     Attributes:
         template: a to d, or what kind of dam.
+        acting: an effect acts.
         travel: of the side that ran farther [d].
         runout: error of its toe [d]; profile: of the deposit [share of the section's area].
         covered: its interval held it.
@@ -45,6 +46,7 @@ class DirectScores:
     """
 
     template: np.ndarray
+    acting: np.ndarray
     travel: np.ndarray
     runout: np.ndarray
     profile: np.ndarray
@@ -81,9 +83,14 @@ class DirectScores:
         return {name: float(f"{value:.4g}") for name, value in row.items()}
 
     def table(self) -> dict[str, dict[str, float]]:
-        """Rows of all scenes and of each template."""
+        """Rows of all scenes, of those without and with effects, and of each template."""
         names = sorted(set(self.template.tolist()))
-        return {"all": self.row()} | {
+        acting = {
+            words: self.only(self.acting == on).row()
+            for words, on in (("no effect", False), ("effects", True))
+            if self.acting.any()
+        }
+        return {"all": self.row(), **acting} | {
             name: self.only(self.template == name).row() for name in names
         }
 
@@ -183,6 +190,7 @@ def _errors(
     duration = times[:, WAY, _END] - times[:, WAY, 0]
     return DirectScores(
         np.array([one.template for one in samples]),
+        np.array([one.acting for one in samples]),
         np.abs(_toes(samples) - before)[rows, side] / spacing,
         error / spacing,
         np.abs(deposit - true).sum(axis=1) / true.sum(axis=1),

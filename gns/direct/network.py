@@ -27,12 +27,15 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from gns.direct.arrivals import SHARES
+from gns.direct.effects import turned as turned_effects
 from gns.direct.sections import COLUMN, DEEPEST, LAYERS, SectionColumns, places
 
 #: Strengths are taken as at least this [rho g height], for their logarithm.
 LEAST_STRENGTH = 3e-3
 #: Features of a layer, and of a column.
 PER_LAYER, PER_COLUMN = 5, 19
+#: Channels before those of effects.
+OF_SECTION = PER_COLUMN + LAYERS * PER_LAYER
 #: Neighbouring columns that the network takes as one.
 TOGETHER = 2
 #: Outputs of a column: for each toe a weight, an offset and a log scale; a change and a log scale.
@@ -62,11 +65,13 @@ class DirectConfig:
         widths: channels of each level, from the finest.
         blocks: of each level, on the way down and on the way up.
         networks: whose mean is the answer; each has its own beginning and order of runs.
+        effects: how many of `gns.direct.effects.EFFECTS` it has learned, from the first on.
     """
 
     widths: tuple[int, ...] = (64, 96, 128, 192)
     blocks: int = 2
     networks: int = 1
+    effects: int = 0
 
 
 @dataclass(frozen=True)
@@ -145,7 +150,8 @@ def features(sections: list[SectionColumns], before: np.ndarray, values: Tensor)
         ],
         dim=1,
     )
-    return torch.cat([columns, layers], dim=1)
+    acting = stacked("effects")[:, :, None].expand(-1, -1, x.shape[1])
+    return torch.cat([columns, layers, acting], dim=1)
 
 
 def _balance(
@@ -260,8 +266,8 @@ class DirectNetwork(nn.Module):
         super().__init__()
         self.config = config
         widths = config.widths
-        channels = PER_COLUMN + LAYERS * PER_LAYER
-        self.stem = nn.Conv1d(TOGETHER * channels, widths[0], 3, padding=1)
+        self.channels = OF_SECTION + config.effects
+        self.stem = nn.Conv1d(TOGETHER * self.channels, widths[0], 3, padding=1)
         self.down = nn.ModuleList(
             nn.Conv1d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False)
         )
@@ -280,8 +286,8 @@ class DirectNetwork(nn.Module):
             self.head.weight.mul_(0.1)
 
     def forward(self, seen: Tensor) -> Answer:
-        """Answers for features (B, channels, C)."""
-        x = self.stem(_together(seen))
+        """Answers for features (B, channels, C), of which it sees the effects it has learned."""
+        x = self.stem(_together(seen[:, : self.channels]))
         kept = []
         for block, down in zip(self.inward[:-1], self.down, strict=True):
             x = block(x)
@@ -312,6 +318,21 @@ class DirectNetwork(nn.Module):
             log_times,
             time_scale,
         )
+
+    def begin_with(self, other: DirectNetwork) -> None:
+        """Take the weights of one of the same size that has learned fewer effects, or as many.
+
+        Raises:
+            ValueError: it is of another size.
+        """
+        widths, blocks = self.config.widths, self.config.blocks
+        fewer = other.config.effects <= self.config.effects
+        if (other.config.widths, other.config.blocks) != (widths, blocks) or not fewer:
+            raise ValueError("another size, or more effects")
+        weights = {name: value.clone() for name, value in other.state_dict().items()}
+        stem = torch.zeros_like(self.stem.weight)
+        stem[:, : other.stem.in_channels] = weights["stem.weight"]
+        self.load_state_dict({**weights, "stem.weight": stem})
 
     def both_ways(self, seen: Tensor) -> Answer:
         """The mean of the answers for a section and for its mirror image, which should be one."""
@@ -372,7 +393,8 @@ def mirrored(seen: Tensor) -> Tensor:
     turned[:, [left, right]] = -turned[:, [right, left]]
     for left, right in SIDES_CHANGED:
         turned[:, [left, right]] = turned[:, [right, left]]
-    turned[:, 2] = -turned[:, 2]
+    signs = [2, *(OF_SECTION + place for place in turned_effects())]
+    turned[:, signs] = -turned[:, signs]
     return turned
 
 

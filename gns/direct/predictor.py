@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from gns.data.distance import Neighbours
+from gns.direct.effects import EFFECTS, names
 from gns.direct.network import Answer, DirectConfig, DirectModel, features
 from gns.direct.sections import COLUMN, SectionColumns, places
 from pipeline.cli import InputError
@@ -86,6 +87,23 @@ class DirectPredictor:
     time_factor: float
     known: np.ndarray
     unit: float
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects of the solver that it has learned."""
+        return names(self.model.config.effects)
+
+    def check_learned(self, section: SectionColumns, name: str) -> None:
+        """Refuse a section with an effect that it has not learned.
+
+        Raises:
+            InputError: `name` of the scene, and that of the effect.
+        """
+        for one, amplitude in zip(EFFECTS, section.effects, strict=True):
+            if amplitude and one.name not in self.effects:
+                raise InputError(
+                    f"{name}: effects: {one.name} is on; this direct model has not learned it"
+                )
 
     def predict(self, section: SectionColumns, before: np.ndarray) -> Forecast:
         """The forecast of a section.

@@ -22,9 +22,11 @@ from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene
 from gns.direct.arrivals import Arrivals, arrivals_of
+from gns.direct.effects import DRAWN, EFFECTS, draw_effects
 from gns.direct.sections import check_settings
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, content_hash
+from pipeline.random_numbers import Stream, number_of
 
 if TYPE_CHECKING:
     from mpm_taichi.trajectory import Run
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 RUNS_PER_PART = 50
 #: Of ten scenes, how many are dams, the last of them of hydraulic fill.
 DAMS_IN_TEN, HYDRAULIC_IN_TEN = 7, 3
+#: Effects of ten scenes: four have none, five one, one two.
+EFFECTS_IN_TEN = (0, 0, 0, 0, 1, 1, 1, 1, 1, 2)
 #: Spacing of the runs [m]; the model knows lengths in heights of the section alone.
 SPACING = 2.0
 #: Share of the template scenes with a pool, and the width of their domain [m].
@@ -90,6 +94,13 @@ def random_section(config: Config, number: int) -> Scene:
     return draw_scene(own, "coarse", 100_000 + number)
 
 
+def random_slide(config: Config, number: int) -> Scene:
+    """Section of a number, with as many effects as `EFFECTS_IN_TEN` says."""
+    stream = Stream(config.geometry.seed, number_of("effects"), number)
+    scene = random_section(config, number)
+    return draw_effects(scene, stream, EFFECTS_IN_TEN[stream.integer(0, 9)])
+
+
 def part_file(folder: Path, part: int) -> Path:
     """Where a part lies."""
     return folder / f"runs_{part:04d}.npz"
@@ -126,7 +137,7 @@ def simulate_parts(
             continue
         began = time.perf_counter()
         numbers = range(part * size, (part + 1) * size)
-        scenes = {number: random_section(config, number) for number in numbers}
+        scenes = {number: random_slide(config, number) for number in numbers}
         for scene in scenes.values():
             check_settings(scene, config.simulation)
         kept = _kept(scenes, config.simulation, threads)
@@ -189,7 +200,15 @@ def _kept_of(number: int, scene: Scene, run: Run) -> SlideRun:
 def _key(config: Config) -> str:
     """Of all settings that the runs follow from."""
     size = config.scale("coarse")
-    return content_hash({"geometry": config.geometry, "coarse": size, "runs": config.simulation})
+    effects = [*(one.name for one in EFFECTS), *DRAWN, *EFFECTS_IN_TEN]
+    return content_hash(
+        {
+            "geometry": config.geometry,
+            "coarse": size,
+            "runs": config.simulation,
+            "effects": effects,
+        }
+    )
 
 
 def _check_key(path: Path, key: str) -> None:

@@ -23,7 +23,8 @@ from geometry.scenes.scene import Scene
 from geometry.sides import SIDES
 from geometry.survey.columns import column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
-from mpm_taichi.effects import effects_on, liquefied_zones
+from gns.direct.effects import EFFECTS, inputs_of
+from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError
 
@@ -57,6 +58,8 @@ LEARNED = {
 LEARNED_OF_WATER = {"water": "pore_pressure", "water_face": "moving"}
 #: Effects that the columns hold: a factor on the strength of the liquefied soil at each place.
 FIELDS = ("strength_contrast",)
+#: Effects that are another scene, which the columns hold as such.
+SCENES = ("pool_level",)
 #: Levels of water are cut at this many heights above and below the surface.
 DEEPEST = 2.0
 
@@ -81,6 +84,7 @@ class SectionColumns:
         saturated: density under water over that above it, (Z,).
         density: mean over that of water.
         spacing: between the material points of the runs learned from, or of a question [heights].
+        effects: see `gns.direct.effects.inputs_of`, (E,).
     """
 
     height: float
@@ -99,6 +103,7 @@ class SectionColumns:
     saturated: np.ndarray
     density: float
     spacing: float
+    effects: np.ndarray
 
     @property
     def x(self) -> np.ndarray:
@@ -115,10 +120,11 @@ def check_known(scene: Scene) -> None:
     """Refuse what the model has never seen.
 
     Raises:
-        InputError: other effects than FIELDS, another law, soil that moves at t = 0, a ground of
-            its own friction.
+        InputError: an effect that no direct model knows, another law, soil that moves at t = 0, a
+            ground of its own friction.
     """
-    check_base_physics(scene, "the direct model", known=FIELDS)
+    known = (*FIELDS, *SCENES, *(one.name for one in EFFECTS))
+    check_base_physics(scene, "the direct model", known=known)
     if any(any(zone.initial_velocity) for zone in scene.zones):
         raise InputError(
             f"{scene.name}: initial_velocity: the direct model knows soil at rest alone"
@@ -136,6 +142,7 @@ def check_settings(scene: Scene, settings: SimulationSettings) -> None:
     Raises:
         InputError: the start or the water is taken otherwise.
     """
+    scene = _with_its_water(scene)
     learned = {**LEARNED, **(LEARNED_OF_WATER if scene.head_falls else {})}
     for name, known in learned.items():
         asked = getattr(settings, name)
@@ -153,6 +160,7 @@ def section_of(scene: Scene, gravity: float = 9.81) -> SectionColumns:
         InputError: see `check_known`.
     """
     check_known(scene)
+    scene = _with_its_water(scene)
     polygons = [shapely.Polygon(zone.polygon) for zone in scene.zones]
     whole = shapely.union_all([one.buffer(1e-6 * scene.spacing) for one in polygons])
     left, _, right, _ = whole.bounds
@@ -199,13 +207,13 @@ def section_of(scene: Scene, gravity: float = 9.81) -> SectionColumns:
     spans = [one.density / density for one in materials]
     closed = scene.domain.walls == "closed"
     wall = (x < scene.domain.x_min) | (x > scene.domain.x_max) if closed else np.zeros(COLUMNS)
-    base = float(scene.ground.height(middle))
+    base, unit_s = float(scene.ground.height(middle)), float(np.sqrt(height / gravity))
     return SectionColumns(
         height=height,
         middle=middle,
         base=base,
         unit_kpa=unit,
-        unit_s=float(np.sqrt(height / gravity)),
+        unit_s=unit_s,
         feet=((left - middle) / height, (right - middle) / height),
         thickness=thickness / height,
         ground=(ground - base) / height,
@@ -219,7 +227,13 @@ def section_of(scene: Scene, gravity: float = 9.81) -> SectionColumns:
         ),
         density=density / WATER_DENSITY,
         spacing=scene.spacing / height,
+        effects=inputs_of(scene, height, unit, unit_s),
     )
+
+
+def _with_its_water(scene: Scene) -> Scene:
+    """The scene that effects of SCENES mean."""
+    return acting_scene(scene, tuple(o for o in effects_on(scene) if o.effect.name in SCENES))
 
 
 class _Factors:
@@ -227,7 +241,7 @@ class _Factors:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._on = effects_on(scene)
+        self._on = [one for one in effects_on(scene) if one.effect.name in FIELDS]
         liquefied = liquefied_zones(scene) if self._on else ()
         self._zones = {n for n, zone in enumerate(scene.zones) if zone.name in liquefied}
 

@@ -70,6 +70,11 @@ class Sample:
     seconds: float
 
     @property
+    def acting(self) -> bool:
+        """An effect acts."""
+        return bool(np.any(self.section.effects))
+
+    @property
     def template(self) -> str:
         """One of a to d, or what kind of dam."""
         return self.name.split("_")[0]
@@ -97,6 +102,12 @@ class TrainingPlan:
     def first_cycle(self) -> int:
         """Steps of the first cycle."""
         return min(self.restart_at, self.steps)
+
+    @property
+    def later(self) -> TrainingPlan:
+        """The same for networks that begin as others ended: one cycle, like the second."""
+        rate = self.restart_share * self.rate
+        return replace(self, restart_at=self.steps, rate=rate)
 
 
 def split_of(run: int) -> str:
@@ -171,8 +182,9 @@ def train(
     tell: Callable[[str], None] = print,
     *,
     alone: int | None = None,
+    begin: DirectModel | None = None,
 ) -> DirectModel:
-    """Train, or go on where a training of the same runs, size and plan stopped.
+    """Train, or go on where a training of the same runs, size, plan and beginning stopped.
 
     Args:
         samples: read once; only those of the split `train` are learned from.
@@ -181,12 +193,18 @@ def train(
         plan: how long.
         tell: called with a line at each save.
         alone: number of the only network to train, from 0, for several jobs; None: all.
+        begin: networks whose weights the first so many of the model begin with; None: none.
+
+    Raises:
+        InputError: these are of another size, or have learned more effects.
     """
     model = DirectModel(config)
+    before = [] if begin is None else list(begin.networks)
     lessons = Lessons.of(one for one in samples if one.split == "train")
     for number in range(config.networks) if alone is None else [alone]:
         own = replace(plan, seed=plan.seed + number)
-        model.networks[number] = _network(lessons, folder, number + 1, config, own, tell)
+        first = before[number] if number < len(before) else None
+        model.networks[number] = _network(lessons, folder, number + 1, config, own, tell, first)
     return model.eval()
 
 
@@ -248,11 +266,14 @@ def _network(
     config: DirectConfig,
     plan: TrainingPlan,
     tell: Callable[[str], None],
+    begin: DirectNetwork | None,
 ) -> DirectNetwork:
     """One network: the one that is there, or trained, from its state on if there is one."""
+    plan = plan if begin is None else plan.later
     key = content_hash(
         {
             "lessons": lessons.key,
+            "begin": None if begin is None else _hash_of(begin.state_dict().values()),
             "config": {k: v for k, v in asdict(config).items() if k != "networks"},
             "plan": asdict(plan),
             "loss": [PROFILE, TIMES, BETA, TYPICAL],
@@ -261,6 +282,11 @@ def _network(
     )
     torch.manual_seed(plan.seed)
     network = DirectNetwork(config)
+    if begin is not None:
+        try:
+            network.begin_with(begin)
+        except ValueError as error:
+            raise InputError(f"--begin-with: {error} than the model to train") from None
     done, state = folder / f"network_{number}.pt", folder / f"state_{number}.pt"
     kept = _kept(done, key)
     if kept is not None:

@@ -218,6 +218,7 @@ class DirectEngine(Forward):
             return last
         check_settings(scene, setup.settings)
         section = section_of(scene, setup.settings.gravity_m_per_s2)
+        self.predictor.check_learned(section, scene.name)
         points = fill(scene)
         initial = points.position.astype(float)
         before = toes_of(section, initial, points.volume, scene.spacing)
@@ -276,6 +277,11 @@ def _failed(setup: SectionSetup, begin: Start, reason: str) -> Prediction:
 def shipped(name: str) -> DirectEngine:
     """The engine of a model that ships under a name."""
     return DirectEngine(_loaded(shipped_folder(MODELS) / name / MODEL_FILE))
+
+
+def learned_effects(name: str) -> tuple[str, ...]:
+    """Effects of the solver that a model that ships under a name has learned."""
+    return shipped(name).predictor.effects
 
 
 @cache

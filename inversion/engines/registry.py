@@ -7,7 +7,7 @@ it by its name. Nothing heavy is imported before an engine is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -44,6 +44,8 @@ class Engine:
         effects: it simulates the physical effects of a scene, and whatever may be assumed of its
             soils, its water and its ground.
         reads: whether it can predict a measurement.
+        learned_effects: of an engine without effects: names of those that it predicts all the
+            same, with the default values of their further numbers; None: none.
         unseen: of an engine without effects: reason why it cannot predict a changed setup, or would
             ignore the change; empty if it can. None: only changes of section and survey count.
         waterfall: it can solve the steps of a waterfall, which may be sections of other cases.
@@ -61,6 +63,7 @@ class Engine:
     trained: bool = False
     effects: bool = True
     reads: Callable[[Measured], bool] = lambda entry: True
+    learned_effects: Callable[[], Sequence[str]] | None = None
     unseen: Callable[[SectionSetup, SectionSetup], str] | None = None
     waterfall: bool = True
     extra: str = ""
@@ -146,6 +149,12 @@ def _direct(store: Store) -> Forward:
     from inversion.engines.direct_engine import shipped
 
     return shipped("direct")
+
+
+def _learned_by_direct() -> Sequence[str]:
+    from inversion.engines.direct_engine import learned_effects
+
+    return learned_effects("direct")
 
 
 def _on_the_deposit(entry: Measured) -> bool:
@@ -263,6 +272,7 @@ register_engine(
         forward=_direct,
         analysis="inversion.back_analysis.with_direct_model:direct_analysis",
         effects=False,
+        learned_effects=_learned_by_direct,
         reads=_on_the_deposit,
         unseen=_unseen_by_columns,
         extra="learned",

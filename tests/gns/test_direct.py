@@ -13,18 +13,29 @@ from flowslide.commands.gns import direct_train
 from geometry.random_scenes.embankment_dam import draw_dam
 from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
+from gns.direct.effects import EFFECTS
 from gns.direct.judge import calibrated, card, judged, judged_run
-from gns.direct.network import Answer, DirectConfig, DirectModel, features, mirrored
+from gns.direct.network import (
+    OF_SECTION,
+    Answer,
+    DirectConfig,
+    DirectModel,
+    DirectNetwork,
+    features,
+    mirrored,
+)
 from gns.direct.predictor import MODEL_FILE, DirectPredictor, both_ways, described, unit_of
 from gns.direct.runs import (
     DAMS_IN_TEN,
     SlideRun,
     random_section,
+    random_slide,
     read_runs,
     simulate_parts,
 )
 from gns.direct.sections import COLUMN, COLUMNS, LAYERS, outcome_of, places, section_of
 from gns.direct.train import SPLITS, TrainingPlan, inputs, loss_of, sample_of, split_of, train
+from mpm_taichi.effects import effects_on
 from pipeline.cli import InputError
 from pipeline.config import load_config
 from pipeline.files import file_hash, read_yaml
@@ -394,7 +405,7 @@ def test_runs_are_made_in_parts_and_a_part_is_made_once(tmp_path, monkeypatch):
     assert len(lines) == 2 and file_hash(tmp_path / "runs_0000.npz") == made
     found = list(read_runs(tmp_path))
     assert [run.number for run in found] == [0, 1, 2, 3]
-    assert found[0].scene == draw_dam(config.geometry.seed, 0, 4.0)
+    assert found[0].scene.changed(effects={}) == draw_dam(config.geometry.seed, 0, 4.0)
     assert found[0].final.shape == found[0].initial.shape and found[0].seconds > 0.0
     other = load_config(None, ["simulation.duration_s=1.0", "geometry.seed=7"])
     with pytest.raises(InputError, match=r"runs_0000.npz: has runs of other settings"):
@@ -418,3 +429,99 @@ def test_a_shipped_model_belongs_to_its_card(folder):
     row = facts["accuracy"]["all"]
     assert row["runs"] >= 100 and row["far"] >= 0.4 * row["runs"]
     assert 85.0 <= row["covered, %"] <= 97.0
+
+
+# --- effects as inputs ---
+
+
+def with_channel(*effects: str) -> list[int]:
+    """Channels of the features of `effects`, by their place in EFFECTS."""
+    names_ = [one.name for one in EFFECTS]
+    return [OF_SECTION + names_.index(name) for name in effects]
+
+
+def seen_of(scene, toes=None):
+    section = section_of(scene)
+    before = np.array([section.feet if toes is None else toes])
+    return features([section], before, torch.as_tensor(section.values)[None])
+
+
+def test_effects_are_seen_in_units_of_the_section():
+    scene = draw_dam(0, 3, 2.0)
+    section = section_of(scene)
+    on = {"apparent_cohesion": 10.0, "late_liquefaction": 8.0, "weak_base": 0.1}
+    seen = seen_of(scene.changed(effects=on))
+    cohesion, late, base = (seen[0, place] for place in with_channel(*on))
+    assert torch.allclose(cohesion, torch.tensor(10.0 / section.unit_kpa / 0.05).double())
+    assert torch.allclose(late, torch.tensor(8.0 / section.unit_s / 20.0).double())
+    assert torch.allclose(base, torch.tensor(0.5).double())
+    plain = seen_of(scene)
+    assert not plain[0, OF_SECTION:].any() and torch.equal(
+        plain[:, :OF_SECTION], seen[:, :OF_SECTION]
+    )
+    with pytest.raises(InputError, match="weak_base: x_to_m: 9; the direct model knows 1e"):
+        section_of(scene.changed(effects={"weak_base": {"amplitude": 0.1, "x_to_m": 9.0}}))
+    with pytest.raises(InputError, match="dilatancy is on; the direct model"):
+        section_of(scene.changed(effects={"dilatancy": 0.1}))
+
+
+def test_a_pool_level_is_another_water():
+    scene = next(one for n in range(20) if (one := draw_dam(0, n, 2.0)).water_level is not None)
+    higher = section_of(scene.changed(effects={"pool_level": 1.0}))
+    assert not higher.effects.any()
+    risen = higher.height * (higher.water - section_of(scene).water)
+    assert risen.max() == pytest.approx(1.0) and risen.min() >= -1e-9
+
+
+def test_shaking_changes_its_sign_in_the_mirror_image():
+    seen = seen_of(draw_dam(0, 3, 2.0).changed(effects={"shaking": 0.3, "weak_base": 0.1}))
+    turned = mirrored(seen)
+    shaken, base = with_channel("shaking", "weak_base")
+    assert torch.equal(turned[:, shaken], -seen[:, shaken]) and seen[0, shaken, 0] == 0.5
+    assert torch.equal(turned[:, base], seen[:, base])
+
+
+def test_networks_begin_with_those_that_have_learned_fewer_effects():
+    torch.manual_seed(0)
+    old, new = DirectNetwork(SMALL), DirectNetwork(replace(SMALL, effects=len(EFFECTS)))
+    for parameter in old.parameters():
+        torch.nn.init.normal_(parameter, std=0.1)
+    new.begin_with(old)
+    seen = seen_of(draw_dam(0, 3, 2.0).changed(effects={"weak_base": 0.1})).float()
+    old.eval(), new.eval()
+    for one, other in zip(vars(old(seen)).values(), vars(new(seen)).values(), strict=True):
+        assert torch.allclose(one, other, atol=1e-6), "what is new counts for nothing yet"
+    with torch.no_grad():
+        new.stem.weight[:, -1] = 1.0
+    with pytest.raises(ValueError, match="more effects"):
+        old.begin_with(new)
+    with pytest.raises(ValueError, match="another size"):
+        new.begin_with(DirectNetwork(replace(SMALL, blocks=1)))
+
+
+def test_a_training_may_begin_with_a_model(samples, tmp_path):
+    config, plan = replace(SMALL, effects=2), TrainingPlan(steps=2, batch=4, save_every=1)
+    torch.manual_seed(0)
+    begin, lines = DirectModel(SMALL), []
+    found = train(samples, tmp_path, config, plan, lines.append, begin=begin)
+    assert len(lines) == 2 and found.config.effects == 2
+    train(samples, tmp_path, config, plan, lines.append, begin=begin)
+    assert len(lines) == 2, "it is there"
+    train(samples, tmp_path, config, plan, lines.append)
+    assert len(lines) == 4, "another beginning is another training"
+    with pytest.raises(InputError, match="--begin-with: another size"):
+        train(samples, tmp_path, replace(config, blocks=1), plan, lines.append, begin=begin)
+    late = TrainingPlan(steps=30000).later
+    assert late.rate == 1e-3 and late.first_cycle == 30000
+
+
+def test_of_ten_slides_six_have_effects_that_can_act_in_them():
+    config = load_config(None)
+    slides = [random_slide(config, number) for number in range(30)]
+    counts = [len(effects_on(one)) for one in slides]
+    assert 0.3 < np.mean(np.array(counts) == 0) < 0.55 and max(counts) == 2
+    assert len({one.effect.name for slide in slides for one in effects_on(slide)}) > 10
+    for slide in slides:
+        assert np.array_equal(section_of(slide).effects != 0.0, [
+            one.name in slide.effects for one in EFFECTS
+        ])  # fmt: skip

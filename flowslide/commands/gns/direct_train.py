@@ -30,15 +30,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="K",
         help="train the K-th of them alone, from 1, for several jobs; without, what is left",
     )
+    parser.add_argument(
+        "--begin-with",
+        metavar="FILE",
+        help="direct.pt whose weights the networks begin with, at half the rate; it may know fewer "
+        "effects",
+    )
     options.add_threads(parser)
     add_common(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Train, calibrate, judge, write."""
+    from gns.direct.effects import EFFECTS
     from gns.direct.judge import calibrated, card, table_text, write_card
     from gns.direct.network import DirectConfig
-    from gns.direct.predictor import MODEL_FILE
+    from gns.direct.predictor import MODEL_FILE, DirectPredictor
     from gns.direct.train import TrainingPlan, read_samples, train
     from gns.training.processes import use_threads
     from pipeline.cli import InputError, at_least_one
@@ -51,7 +58,10 @@ def run(arguments: argparse.Namespace) -> None:
     plan = TrainingPlan()
     if arguments.steps is not None:
         plan = replace(plan, steps=at_least_one("--steps", arguments.steps))
-    size = DirectConfig(networks=at_least_one("--networks", arguments.networks))
+    networks = at_least_one("--networks", arguments.networks)
+    size = DirectConfig(networks=networks, effects=len(EFFECTS))
+    given = arguments.begin_with
+    begin = None if given is None else DirectPredictor.load(Path(given)).model
     alone = arguments.network
     if alone is not None and not 1 <= alone <= size.networks:
         raise InputError(f"--network: {alone}; allowed are 1 to {size.networks} (--networks)")
@@ -59,10 +69,11 @@ def run(arguments: argparse.Namespace) -> None:
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
         data = Path(arguments.data or base / "runs")
         if alone is not None:
-            train(read_samples(data, ["train"]), folder, size, plan, bar.say, alone=alone - 1)
+            some = read_samples(data, ["train"])
+            train(some, folder, size, plan, bar.say, alone=alone - 1, begin=begin)
             return
         samples = list(read_samples(data))
-        model = train(samples, folder, size, plan, bar.say)
+        model = train(samples, folder, size, plan, bar.say, begin=begin)
         predictor = calibrated(model, samples)
     predictor.save(folder / MODEL_FILE)
     facts = card(
