@@ -31,9 +31,9 @@ WITHOUT_ROOMS = {"pipeline"}
 # what is on trial of it, its model, and sizes that are refused (diagnosis/hypotheses, 400 lines),
 # how the interface opens it (flowslide/*.py, 20 lines), the soil that both kinds of setup have
 # (inversion/estimation, 15 lines); sentences of a verdict, which diagnosis/verdict gives
-# (report/sentences, 150 lines), and the reasons in their place (diagnosis/*.py, 30 lines). Effects as
-# inputs of the direct model, and a training that begins with a model (gns/direct, 190 lines); one
-# class of an unknown (inversion/problem, 190 lines, which inversion/estimation and inversion/posterior
+# (report/sentences, 150 lines), and the reasons in their place (diagnosis/*.py, 30 lines). Effects
+# as inputs of the direct model, and a training that begins with a model (gns/direct, 190 lines);
+# one class of an unknown (inversion/problem, 190 lines, which inversion/estimation and posterior
 # give); assumptions of which one replaces the other (diagnosis/hypotheses, 30 lines), and lines the
 # wrong way round (report/*.py, 20 lines).
 LINES = {
