@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks.generated_pages import renew, table
-from benchmarks.hidden_effects.scoring.by_other_codes import ByCode, is_right
+from benchmarks.hidden_effects.scoring.by_other_codes import is_right, stands_for_what_was_hidden
 from benchmarks.hidden_effects.scoring.score import Judged
 from benchmarks.hidden_effects.scoring.sets import PAGE, SETS
 from benchmarks.hidden_effects.strangers import RECORD, load_twice
@@ -86,10 +86,7 @@ def holds_truth(one: Judged) -> bool:
     sets = [set(names) for names in answers]
     if "source" not in one.truth:
         return bool(hidden) and hidden in sets
-    thing = ByCode(one).thing
-    if thing is None or thing.stranger:
-        return False
-    return any(names and names <= thing.right for names in sets)
+    return any(names and stands_for_what_was_hidden(one, names) for names in sets)
 
 
 def given_of(of: str, one: Judged, *, known: bool = True) -> Given:

@@ -162,6 +162,33 @@ def test_a_name_or_a_family_is_right(case, right):
     assert case.right is right
 
 
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [(("pool", "shaking"), True), (("shaking", "pool_on_the_left"), True), (("shaking",), False),
+     (("shaking", "bingham"), False), (("pool", "pool_on_the_left"), False)],
+)  # fmt: skip
+def test_a_pair_is_found_by_the_names_of_both(names, found):
+    own = {"pool": "water", "pool_on_the_left": "water", "shaking": "physics", "bingham": "physics"}
+    one = _judged("pair", "shaking", "identified", list(names), own=own).judged
+    truth = {**one.truth, "effects": {"shaking": {}, "pool": {}}}
+    case = ByCode(replace(one, truth=truth))
+    assert case.found_pair is found and not case.right
+    assert score_by_codes([case.judged])["shares"]["pairs"]["hits"] == found
+
+
+def test_pairs_are_of_two_families_that_can_act_on_one_section(benchmark):
+    wanted = {"cases": 12, "kinds": ["pair", "single", "null"]}
+    own = replace(benchmark, plan=benchmark.plan.model_copy(update=wanted))
+    row = plan_by_codes(own)
+    pairs = [one for one in row if one.kind == "pair"]
+    assert len(pairs) == 4 and all(len(one.effects) == 2 for one in pairs)
+    for one in pairs:
+        first, second = (THINGS[name] for name in one.effects)
+        assert first.families and second.families and not first.families & second.families
+        section = benchmark.sections_of(one.source)[one.section]
+        assert not any(thing.applies(section.scene) for thing in (first, second))
+
+
 def test_score_counts_each_kind():
     null = _judged("null", None, "adequate", [])
     accused = _judged("null", None, "identified", ["shaking"], own={"shaking": "physics"})

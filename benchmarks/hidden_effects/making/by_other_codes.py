@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -68,7 +68,7 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
     stream = Stream(wanted.seed, number_of("plan by codes"))
     kinds = Deck(wanted.kinds, stream)
     shares = [code for code, one in wanted.sources.items() for _ in range(one.share)]
-    codes = {kind: Deck(shares, stream) for kind in ("null", "single", "outside")}
+    codes = {kind: Deck(shares, stream) for kind in get_args(Kind)}
     families = Deck(FAMILIES, stream)
     decks: dict[Any, Deck] = {}
 
@@ -79,6 +79,14 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
     def dealt(key: Any, cards: Sequence[Any]) -> Any:
         return decks.setdefault(key, Deck(cards, stream)).deal()
 
+    def of_next_family(code: str, able: Sequence[str], *deck: Any) -> str:
+        if not any(THINGS[name].families for name in able):
+            raise InputError(f"{code}: hides nothing that can stand beside {', '.join(deck)}")
+        family = families.deal()
+        while not (members := [n for n in able if family in THINGS[n].families]):
+            family = families.deal()
+        return dealt((code, family, *deck), members)
+
     found = []
     for k in range(wanted.cases):
         kind: Kind = kinds.deal()
@@ -87,11 +95,16 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
         able = [
             name for name in source(code).hides if _dealt(benchmark, name) and places(code, name)
         ]
-        if kind == "single":
-            family = families.deal()
-            while not (members := [n for n in able if family in THINGS[n].families]):
-                family = families.deal()
-            effects = (dealt((code, family), members),)
+        if kind in ("single", "pair"):
+            effects = (of_next_family(code, able),)
+        if kind == "pair":
+            others = [
+                name
+                for name in able
+                if not THINGS[name].families & THINGS[effects[0]].families
+                and places(code, *effects, name)
+            ]
+            effects = (*effects, of_next_family(code, others, *effects))
         elif kind == "outside":
             effects = (dealt((code, "stranger"), [n for n in able if THINGS[n].stranger]),)
         where = places(code, *effects)

@@ -11,7 +11,7 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 from benchmarks.hidden_effects.foreign.hidden import FAMILIES, THINGS, Thing
@@ -33,6 +33,7 @@ ASKED = (
     Asked("strength_within_2_std_null", "the same of nulls", None),
     Asked("explained_away", "strangers explained away", 0.15, least=False),
     Asked("explained_unlike", "the same without names that have the stranger's own law", None),
+    Asked("pairs", "pairs found exactly", None),
 )
 
 
@@ -70,9 +71,24 @@ class ByCode:
     def right(self) -> bool:
         """What it gives stands for what was hidden, and nothing else is given."""
         digest = self.judged.digest
-        if self.thing is None or not self.answers:
+        if self.thing is None or not self.answers or len(self.judged.truth["effects"]) > 1:
             return False
         return right_for(self.thing, set(digest.effects), self.families, set(digest.members))
+
+    @property
+    def found_pair(self) -> bool:
+        """Two effects are named, and each stands for another one of two hidden things."""
+        digest = self.judged.digest
+        things = [THINGS[name] for name in self.judged.truth["effects"]]
+        if digest.verdict != "identified" or len(digest.effects) != 2 or len(things) != 2:
+            return False
+        return any(
+            all(
+                right_for(thing, {name}, frozenset({digest.family_of.get(name, "")}), {name})
+                for thing, name in zip(things, names, strict=True)
+            )
+            for names in permutations(digest.effects)
+        )
 
     @property
     def unlike(self) -> bool:
@@ -104,7 +120,9 @@ def gives_name(one: Judged) -> bool:
 
 def is_right(one: Judged) -> bool:
     """What is given stands for what was hidden."""
-    return ByCode(one).right if "source" in one.truth else one.right
+    if "source" not in one.truth:
+        return one.right
+    return ByCode(one).right or ByCode(one).found_pair
 
 
 def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
@@ -112,7 +130,7 @@ def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
     cases = [ByCode(one) for one in judged]
     shares = shares_of(cases)
     kinds = {kind: [one for one in cases if one.judged.truth["kind"] == kind] for kind in
-             ("null", "single", "outside")}  # fmt: skip
+             ("null", "single", "outside", "pair")}  # fmt: skip
     families = {
         family: Share.of(
             one.right for one in kinds["single"] if one.thing and family in one.thing.families
@@ -143,18 +161,17 @@ def score_by_codes(judged: Sequence[Judged]) -> dict[str, Any]:
         "seen": _by_detectability(kinds["single"]),
         "sources": by_source,
         "strength_error": strength,
-        "calibration": calibration(judged, _stands_for_what_was_hidden).document,
+        "calibration": calibration(judged, stands_for_what_was_hidden).document,
         "regions": regions(judged),
         "cases": [_line(one) for one in cases],
     }
 
 
-def _stands_for_what_was_hidden(one: Judged, names: Sequence[str]) -> bool:
-    """Of the truth's right candidates and nothing else; none where nothing was hidden."""
-    thing = ByCode(one).thing
-    if thing is None:
-        return not names
-    return bool(names) and set(names) <= thing.right
+def stands_for_what_was_hidden(one: Judged, names: Sequence[str]) -> bool:
+    """A right candidate of each thing of the truth and nothing else; none where none is hidden."""
+    right = [THINGS[name].right for name in one.truth["effects"]]
+    known = all(any(name in some for some in right) for name in names)
+    return known and all(some & set(names) for some in right)
 
 
 def shares_of(cases: Sequence[ByCode]) -> dict[str, Share]:
@@ -184,6 +201,7 @@ def shares_of(cases: Sequence[ByCode]) -> dict[str, Share]:
         "strength_within_2_std_null": share(nulls, lambda one: one.judged.strength_within),
         "explained_away": share(strangers, lambda one: one.judged.attributed),
         "explained_unlike": share(strangers, lambda one: one.unlike),
+        "pairs": share(of("pair"), lambda one: one.found_pair),
     }
 
 

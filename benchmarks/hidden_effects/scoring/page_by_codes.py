@@ -25,7 +25,7 @@ from report.style import (
     save_figure,
 )
 
-KINDS = {"null": "nothing", "single": "one thing", "outside": "a stranger"}
+KINDS = {"null": "nothing", "single": "one thing", "outside": "a stranger", "pair": "two things"}
 
 
 def generated(cases: Sequence[ByCode], document: Mapping[str, Any], pictures: str) -> str:
@@ -40,7 +40,8 @@ def generated(cases: Sequence[ByCode], document: Mapping[str, Any], pictures: st
     shares = shares_of(cases)
     parts = [
         f"{len(cases)} cases: {counts['null']} with nothing hidden, {counts['single']} with one "
-        f"thing, {counts['outside']} with a stranger. Intervals: 95 %, Wilson.",
+        f"thing, {counts['pair']} with two, {counts['outside']} with a stranger. "
+        "Intervals: 95 %, Wilson.",
         table(("figure", "measured", "asked", ""),
               [(one.words, shares[one.name].words, one.bound, one.verdict(shares[one.name]))
                for one in ASKED]),
