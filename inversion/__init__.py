@@ -11,5 +11,5 @@ used.
 
 from __future__ import annotations
 
-PHYSICS_VERSION = 7
+PHYSICS_VERSION = 8
 """Raised whenever the same question and the same simulations give another answer."""

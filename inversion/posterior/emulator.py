@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inversion.posterior.gaussian_process import GaussianProcess, fit
+from inversion.estimation.gaussian_process import GaussianProcess, fit
 from inversion.problem.unknown import Unknown
 
 #: Width of the linear part, in standard deviations of the measurement.

@@ -132,7 +132,7 @@ def predict(
     own = np.array([engine.error_std(one) for one in finished])
     names = list(setup.targets.names)
     noise = noise_at(engine, jittered, strengths, len(names))
-    smooth = response(scores, runs)
+    smooth = response(scores, runs, np.array(setup.targets.groups))
     generator = np.random.default_rng(seed)
     drawn = sampled_scores(strengths, samples, generator)
     # The runs scatter about the response by the noise too: the larger of both, not their sum.

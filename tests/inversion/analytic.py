@@ -71,7 +71,10 @@ class Formula(Forward):
     ) -> None:
         super().__init__()
         self.formula, self.noise, self.seed = formula, noise, seed
-        self.targets, self.parameters = SimpleNamespace(names=names), parameters
+        self.targets, self.parameters = (
+            SimpleNamespace(names=names, groups=[*range(len(names))]),
+            parameters,
+        )
         self.asked: list[np.ndarray] = []
 
     def at(self, values: np.ndarray) -> Request:

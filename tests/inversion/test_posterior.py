@@ -17,8 +17,8 @@ from inversion.back_analysis.case import inversion_case
 from inversion.back_analysis.deviations import deviating
 from inversion.engines.run_store import RunStore
 from inversion.engines.small_cells import SmallCells
+from inversion.estimation import gaussian_process
 from inversion.estimation.data import make_targets
-from inversion.posterior import gaussian_process
 from inversion.posterior.calibration import coverage, rank_of
 from inversion.posterior.confirmation import confirmed
 from inversion.posterior.draws import Draws, load_draws, save_draws
@@ -196,8 +196,11 @@ def some_runs(n: int = 60):
     return points, np.sin(2 * points[:, 0]) + 0.5 * points[:, 1] * points[:, 0]
 
 
-def test_the_gradient_of_the_process_is_right():
+@pytest.mark.parametrize("together", [False, True])
+def test_the_gradient_of_the_process_is_right(together):
     points, numbers = some_runs()
+    if together:
+        numbers = np.stack([numbers, points[:, 2], np.cos(points[:, 0])], axis=1)
     apart = (points[:, None] - points[None]) ** 2
     more = (apart, points @ points.T, numbers / numbers.std())
     at = np.random.default_rng(0).normal(0.0, 0.3, 6)
@@ -220,6 +223,20 @@ def test_a_process_predicts_and_knows_its_error():
     assert np.sqrt(np.mean((mean - truth) ** 2)) < 0.05
     assert np.sqrt(np.mean((mean - truth) ** 2 / variance)) < 1.6
     assert process.noise == pytest.approx(0.05, rel=0.5)
+
+
+def test_numbers_that_belong_together_share_a_process():
+    points, first = some_runs()
+    both = np.stack([first, 3.0 - 10.0 * first, np.full(len(first), 2.0)], axis=1)
+    one, two = gaussian_process.fit(points, first), gaussian_process.fit(points, both)
+    there = points[::7] * 0.9
+    mean, variance = two.predict(there)
+    assert mean.shape == (len(there), 3) and variance.shape == (len(there),)
+    np.testing.assert_allclose(mean[:, 0], one.predict(there)[0], atol=0.01)
+    np.testing.assert_allclose(mean[:, 1], 3.0 - 10.0 * mean[:, 0], atol=1e-4)
+    np.testing.assert_allclose(mean[:, 2], 2.0, atol=1e-9)
+    np.testing.assert_allclose(two.left_out[:, 1], -10.0 * two.left_out[:, 0], atol=1e-4)
+    np.testing.assert_array_equal(two.mean(there), mean)
 
 
 def test_leaving_a_run_out_in_closed_form_is_leaving_it_out():

@@ -30,7 +30,7 @@ from inversion.prediction.known_strength import (
 from inversion.prediction.predict import envelope, noise_at, predict
 from inversion.prediction.prediction_case import prediction_case
 from inversion.prediction.prediction_document import document_of
-from inversion.prediction.response import Monotone, SplineSurface, design, monotone
+from inversion.prediction.response import Monotone, ProcessSurface, design, monotone, response
 from inversion.problem.question import STRENGTH_RATIO
 from inversion.problem.scene_changes import with_properties
 from pipeline.cli import InputError, WorkFailed
@@ -224,11 +224,28 @@ def test_a_response_is_monotone_and_keeps_to_its_runs():
 
 def test_a_surface_tells_what_it_misses():
     scores = design(2)
-    smooth = SplineSurface(scores, (scores @ [[3.0], [-2.0]]) + 1.0)
-    assert smooth.missed[0] < 1e-3
-    np.testing.assert_allclose(smooth(np.array([[0.5, -0.5]])), [[3.5]], atol=1e-3)
+    smooth = ProcessSurface(scores, (scores @ [[3.0], [-2.0]]) + 1.0, np.zeros(1))
+    assert smooth.missed[0] < 0.01
+    np.testing.assert_allclose(smooth(np.array([[0.5, -0.5]])), [[3.5]], atol=0.01)
     rough = np.random.default_rng(0).standard_normal((len(scores), 1))
-    assert SplineSurface(scores, rough).missed[0] > 0.5
+    assert ProcessSurface(scores, rough, np.zeros(1)).missed[0] > 0.5
+
+
+def test_a_number_that_rises_and_falls_is_not_made_to_fall():
+    """An elevation in the middle of a deposit: low where nothing comes, and where all has left."""
+
+    def truth(scores):
+        s = scores[:, 0]
+        return np.stack([40.0 - 9.0 * s, 5.0 * np.exp(-((s - 0.3) ** 2)), np.full(len(s), 2.0)], 1)
+
+    scores, fine = design(1), np.linspace(-2.5, 2.5, 200)[:, None]
+    noise = 0.02 * np.random.default_rng(2).standard_normal((len(scores), 3))
+    for groups in (None, np.array([0, 1, 1])):
+        found = response(scores, truth(scores) + noise, groups)
+        off = np.abs(found(fine) - truth(fine)).max(axis=0)
+        assert np.all(off < [0.1, 0.25, 0.1]), "levelled it would be off by 2.5"
+        assert np.all(found.missed < [0.1, 0.25, 0.1])
+    assert np.all(np.diff(found(fine)[:, 0]) <= 1e-9), "a toe stays monotone"
 
 
 def test_too_many_failures_end_the_work():

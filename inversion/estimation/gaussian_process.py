@@ -1,4 +1,4 @@
-"""Gaussian process regression of one number over many unknowns.
+"""Gaussian process regression of a number over many unknowns.
 
 The prior covariance of the number at x and x' (both scaled to about -1 to 1) is
 
@@ -9,6 +9,8 @@ a trend, and what bends about it, with a length of its own for every unknown (Ra
 Williams 2006, chapters 4 and 5). Lengths and amplitudes maximise the posterior probability of the
 runs; the noise is what lies between neighbouring runs without a pattern: where the points happen
 to lie, what a grid does. Errors of leaving one run out come in closed form from the same inverse.
+Numbers that belong together and have one unit, a surface for instance, may share lengths and
+amplitudes, by which the mean of their log likelihoods is largest; each has its own mean.
 """
 
 from __future__ import annotations
@@ -31,21 +33,21 @@ ITERATIONS = 80
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A fitted process; n runs at q unknowns.
+    """A fitted process; n runs at q unknowns of a number, or (after the n) of m numbers.
 
     Attributes:
         points: scaled unknowns of the runs, (n, q).
-        middle: mean of the numbers.
-        spread: their standard deviation.
+        middle: mean over the runs, () or (m,).
+        spread: their standard deviation, of several numbers its root mean square.
         logs: ln of lengths (q,), then of amplitudes of bend, trend and noise.
         factor: Cholesky factor of the runs' covariance, lower, (n, n).
-        weights: inverse covariance times numbers, (n,).
-        left_out: error of the process at each run without that run, (n,), in the number's unit.
+        weights: inverse covariance times numbers, (n,) or (n, m).
+        left_out: error of the process at each run without that run, likewise, in the number's unit.
         left_out_std: its standard deviation by the process itself, (n,).
     """
 
     points: np.ndarray
-    middle: float
+    middle: np.ndarray
     spread: float
     logs: np.ndarray
     factor: np.ndarray
@@ -56,7 +58,7 @@ class GaussianProcess:
     def predict(
         self, points: np.ndarray, *, with_noise: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and variance, (s,) each, at scaled unknowns (s, q).
+        """Mean, (s,) or (s, m), and variance, (s,), at scaled unknowns (s, q).
 
         Args:
             points: where.
@@ -70,6 +72,12 @@ class GaussianProcess:
         variance = np.maximum(own - np.sum(white**2, axis=0), 1e-12)
         return self.middle + self.spread * mean, self.spread**2 * variance
 
+    def mean(self, points: np.ndarray) -> np.ndarray:
+        """The mean alone, (s,) or (s, m), at scaled unknowns (s, q)."""
+        return self.middle + self.spread * (
+            _covariance(points, self.points, self.logs) @ self.weights
+        )
+
     @property
     def noise(self) -> float:
         """Standard deviation of a run about the smooth number, in its unit."""
@@ -82,8 +90,9 @@ class GaussianProcess:
 
 
 def fit(points: np.ndarray, numbers: np.ndarray) -> GaussianProcess:
-    """The process of runs at scaled unknowns (n, q) with finite numbers (n,)."""
-    middle, spread = float(numbers.mean()), max(float(numbers.std()), 1e-9)
+    """The process of runs at scaled unknowns (n, q) with finite numbers (n,) or (n, m)."""
+    middle = numbers.mean(axis=0)
+    spread = max(float(np.sqrt(np.mean(numbers.var(axis=0)))), 1e-9)
     y = (numbers - middle) / spread
     q = points.shape[1]
     start = np.concatenate([np.full(q, LENGTH_PRIOR[0]), AMPLITUDE_PRIOR])
@@ -110,7 +119,7 @@ def fit(points: np.ndarray, numbers: np.ndarray) -> GaussianProcess:
         logs=found.x,
         factor=np.tril(factor),
         weights=weights,
-        left_out=-spread * weights / own,
+        left_out=-spread * (weights.T / own).T,
         left_out_std=spread / np.sqrt(own),
     )
 
@@ -134,7 +143,7 @@ def _cost(
         logs: where, (q + 3,).
         apart: squared distances of the runs along each unknown, (n, n, q).
         products: scalar products of their points, (n, n).
-        y: standardised numbers, (n,).
+        y: standardised numbers, (n,) or (n, m).
     """
     bend, trend, noise = np.exp(2.0 * logs[-3:])
     inverse_squares = np.exp(-2.0 * logs[:-3])
@@ -152,9 +161,11 @@ def _cost(
         return 1e10, np.zeros(len(logs))
     inverse = cho_solve(factor, np.eye(len(y)))
     weights = inverse @ y
-    cost = 0.5 * y @ weights + np.log(np.diag(factor[0])).sum() + 0.5 * score @ score
-    # d cost / d log = tr((K^-1 - w w') dK) / 2.
-    slope = 0.5 * (inverse - np.outer(weights, weights))
+    w = weights.reshape(len(y), -1)
+    misfit = np.vdot(y, weights) / w.shape[1]
+    cost = 0.5 * misfit + np.log(np.diag(factor[0])).sum() + 0.5 * score @ score
+    # d cost / d log = tr((K^-1 - w w') dK) / 2, of several numbers the mean.
+    slope = 0.5 * (inverse - w @ w.T / w.shape[1])
     bent = slope * (5.0 / 3.0) * bend * (1.0 + r) * decay
     gradient = np.concatenate(
         [
