@@ -15,7 +15,6 @@ MEASUREMENTS = {
     "throughput": "whole jobs: Lower San Fernando, and samples of the scales",
     "back_analysis": "a back-analysis in several processes, over one with as many threads",
     "effects_cost": "a run with an effect, over one of the base model",
-    "start": "before it moves, nothing moves: the start of drawn scenes",
     "gns_network": "the learned simulator's network, over the textbook's form",
     "diff_gns": "derivatives of a back-analysis by both engines",
     "direct_request": "a whole prediction by the direct model",
