@@ -9,5 +9,5 @@ The statistics know nothing of the material point method: `diagnosis.hypotheses.
 see. Nothing heavy is imported here.
 """
 
-PHYSICS_VERSION = 10
+PHYSICS_VERSION = 11
 """Raised whenever the same runs and the same measurements give another verdict."""

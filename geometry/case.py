@@ -188,7 +188,7 @@ def load_case(place: str | Path, config: Config | None = None) -> Case:
     """Read a case.
 
     Args:
-        place: its folder, or its name in `case_histories` here or as shipped.
+        place: its folder, its name in `case_histories` here or as shipped, or its `scene.yaml`.
         config: settings; None: the defaults.
 
     Raises:
@@ -196,6 +196,8 @@ def load_case(place: str | Path, config: Config | None = None) -> Case:
             hold together; one line with file, field, value and what is allowed.
     """
     folder, config = resolve(place, CASES), config or Config()
+    if folder.name == SCENE_FILE and folder.is_file():
+        folder = folder.parent
     if folder.exists() and is_body(folder) and not (folder / SCENE_FILE).is_file():
         raise InputError(
             f"{folder}: a body in three dimensions; this takes a section ({SCENE_FILE})"

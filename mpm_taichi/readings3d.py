@@ -22,6 +22,8 @@ from mpm_taichi.trajectory3d import Run3d
 
 UNITS = {"_m3_per_s": "m3/s", "_m_per_s": "m/s", "_m3": "m3", "_m2": "m2", "_m": "m", "_s": "s"}
 """End of the name of a reading -> its unit."""
+BACK = 0.01
+"""Least share of what moved that makes soil cross a line the other way."""
 ACROSS = ("volume_across_", "_m3")
 """Before and after the name of a line in the reading of what has crossed it to its right."""
 
@@ -130,12 +132,16 @@ def volumes_across(
 
 
 def crossed_to_the_left(readings: Mapping[str, float]) -> list[str]:
-    """Lines that more soil crossed to their left than to their right; readings of `readings_3d`."""
+    """Lines that more soil crossed to their left than to their right; readings of `readings_3d`.
+
+    Of what moved at least `BACK`: a point that rebounds is no slide the other way.
+    """
     begin, end = ACROSS
+    least = BACK * readings.get("volume_moved_m3", 0.0)
     return [
         name.removeprefix(begin).removesuffix(end)
         for name, volume in readings.items()
-        if name.startswith(begin) and volume < 0.0
+        if name.startswith(begin) and volume < -least
     ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.terrain.raster import write_raster
 from inversion.prediction.in_plan import BodyPrediction
-from mpm_taichi.readings3d import ACROSS, paths_of
+from mpm_taichi.readings3d import crossed_to_the_left, paths_of
 from pipeline.extras import has
 from report import page, style
 from report.pictures.exceedance_map import save_exceedance
@@ -110,12 +110,8 @@ def doubts(document: dict[str, Any]) -> list[str]:
             f"thinner than the spacing of {document['spacing_m']:g} m: {', '.join(thin)}; such a "
             "deposit is scattered points"
         )
-    words = " ".join(ACROSS[0].split("_"))
-    back = [
-        one["name"].removeprefix(words)
-        for one in document["quantities"]
-        if one["name"].startswith(words) and one["mean"] < 0.0
-    ]
+    means = {f"{one['name'].replace(' ', '_')}_m3": one["mean"] for one in document["quantities"]}
+    back = crossed_to_the_left(means)
     return [*lines, left_words(back)] if back else lines
 
 

@@ -20,7 +20,7 @@ from benchmarks.performance import direct_request
 from benchmarks.studies import learned_on_dams
 from gns.direct.judge import FAR, judged_run
 from gns.direct.predictor import MODEL_FILE, DirectPredictor
-from gns.direct.runs import random_slide
+from gns.direct.runs import read_runs
 from gns.direct.sections import outcome_of, places
 from gns.direct.train import Sample, answers, read_samples
 from mpm_taichi.simulate import simulate_each
@@ -54,13 +54,15 @@ def main() -> None:
     pictures.mkdir(parents=True, exist_ok=True)
     _draw_runouts(samples, predictor, pictures / "runout.png")
     _draw_deposits(samples, predictor, pictures / "deposits.png")
-    renew(Path(arguments.page), record=page(card, solver_noise(samples[:ELSEWHERE])))
+    noise = solver_noise(samples[:ELSEWHERE], Path(arguments.data))
+    renew(Path(arguments.page), record=page(card, noise))
 
 
-def solver_noise(samples: list[Sample]) -> dict[str, float]:
+def solver_noise(samples: list[Sample], data: Path) -> dict[str, float]:
     """How far runs of the same scenes with their points elsewhere differ, as a row of the table."""
-    config = load_config(None)
-    scenes = [random_slide(config, one.run).changed(jitter=JITTER, seed=SEED) for one in samples]
+    config, wanted = load_config(None), {one.run for one in samples}
+    drawn = {one.number: one.scene for one in read_runs(data) if one.number in wanted}
+    scenes = [drawn[one.run].changed(jitter=JITTER, seed=SEED) for one in samples]
     again = {}
     for place, run in simulate_each([(scene, config.simulation) for scene in scenes]):
         one = samples[place]

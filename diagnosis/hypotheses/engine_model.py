@@ -225,6 +225,11 @@ class RunModel(ABC, Generic[AnySetup]):
         if candidate.name not in self._priors:
             return candidate
         mean, std = self._priors[candidate.name]
+        if candidate.decades and mean <= 0.0:
+            raise InputError(
+                f"priors: {candidate.name}: mean {mean:g}: it counts in decades and must be "
+                "greater than 0"
+            )
         return replace(candidate, prior_mean=mean, prior_std=std)
 
     # --- states and runs ---
@@ -329,11 +334,17 @@ class EngineModel(RunModel[SectionSetup]):
         base = setup.scene_at(setup.parameters.start) if setup.has_strength_ratio else setup.scene
         physics, idle = acting_candidates(base, self.numbers, duration=setup.settings.duration_s)
         if not engine.effects:
-            known = engine.learned_effects() if engine.learned_effects else ()
-            seen = [one for one in physics if one.name in known and one.name not in self.numbers]
-            words = f"{engine.description} has no such effect"
-            idle |= {one.name: words for one in physics if one not in seen}
-            physics = seen
+            known = engine.learned_effects() if engine.learned_effects else {}
+            for one in physics:
+                if one.name not in known:
+                    idle[one.name] = f"{engine.description} has no such effect"
+                elif one.name in self.numbers:
+                    idle[one.name] = f"{engine.description} knows its default numbers alone"
+            physics = [
+                replace(one, low=max(one.low, -most), high=min(one.high, most))
+                for one in physics
+                if one.name not in idle and (most := known[one.name])
+            ]
         self._wide = FiniteWidth(engine.made(store), store)
         super().__init__(
             setup,

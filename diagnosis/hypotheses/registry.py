@@ -122,10 +122,17 @@ def assumed_otherwise(
         for name, one in known.items()
         if name in amplitudes and _checked(one.candidate, amplitudes[name], source)
     ]
-    before, setup = setup, _changed(setup, acting, amplitudes)
+    try:
+        before, setup = setup, _changed(setup, acting, amplitudes)
+    except InputError as refused:
+        raise InputError(f"{source}: effects: {refused}") from None
     for one in acting if len(acting) > 1 else ():
         others = [other for other in acting if other is not one]
-        if _reading(_changed(before, others, amplitudes)) == _reading(setup):
+        try:
+            without = _changed(before, others, amplitudes)
+        except InputError:  # they need it
+            continue
+        if _reading(without) == _reading(setup):
             raise InputError(
                 f"{source}: effects: {one.candidate.name}: does nothing beside "
                 f"{', '.join(other.candidate.name for other in others)}: of two that set the same "
@@ -152,7 +159,8 @@ def _reading(setup: Setup) -> tuple[object, ...]:
     """What a run of a setup follows from, its measurements left out."""
     scene = setup.scene
     slides = (scene,) if isinstance(scene, Scene) else (scene.document, scene.section)
-    return (*slides, setup.settings, getattr(setup, "height_over_width", 0.0))
+    own = (getattr(setup, name, None) for name in ("height_over_width", "factors"))
+    return (*slides, setup.settings, *own)
 
 
 def _checked(candidate: Candidate, size: float, source: str) -> float:

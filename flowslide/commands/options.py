@@ -142,6 +142,8 @@ def refuse_in_3d(arguments: argparse.Namespace, given: Mapping[str, object]) -> 
     Raises:
         InputError: the first of them.
     """
+    from geometry.scenes3d.scene3d import or_its_section
+
     shared = {
         "--device cuda": getattr(arguments, "device", "cpu") != "cpu",
         "--effects": arguments.effect_files,
@@ -149,7 +151,8 @@ def refuse_in_3d(arguments: argparse.Namespace, given: Mapping[str, object]) -> 
     }
     for option, present in {**given, **shared}.items():
         if present:
-            raise InputError(f"{option}: not in three dimensions ({arguments.case})")
+            case = arguments.case
+            raise InputError(f"{option}: not in three dimensions ({case}{or_its_section(case)})")
 
 
 def check(arguments: argparse.Namespace) -> None:

@@ -26,6 +26,7 @@ from geometry.scenes.scene import (
 from geometry.terrain.raster import Raster, read_raster
 from pipeline.cli import InputError
 from pipeline.files import file_or_within, read_yaml
+from pipeline.places import CASES, resolve
 
 FILE_NAME = "scene3d.yaml"
 PAGE = "docs/how-to/three-dimensions.md"
@@ -332,12 +333,19 @@ def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
     return x_min, x_min + along * cell, y_min, y_min + across * cell
 
 
+def or_its_section(place: str | PathLike[str]) -> str:
+    """How to name the section of a folder that counts as a body; empty: it has none."""
+    section = resolve(place, CASES) / "scene.yaml"
+    return f"; its section is {section}" if section.is_file() else ""
+
+
 def is_body(place: str | PathLike[str]) -> bool:
     """True for a `scene3d.yaml`, and for a folder with one that is no case with a measured section.
 
-    Such a case may have a `scene3d.yaml` as well, for the width of its section.
+    Such a case may have a `scene3d.yaml` as well, for the width of its section. A folder may be
+    named as a case is.
     """
-    path = Path(place)
+    path = resolve(place, CASES)
     if path.name == FILE_NAME or not (path / FILE_NAME).is_file():
         return path.name == FILE_NAME
     return not all((path / name).is_file() for name in ("scene.yaml", "measurements.yaml"))

@@ -8,7 +8,8 @@ columns hold. `dilatancy` and `radial_spreading` change the volume, which the mo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -43,7 +44,7 @@ class Input:
     turned: bool = False
 
 
-# A model has learned the first so many of these, and names their number: new ones come at the end.
+# A model names those that it has learned; the order is that of their channels.
 EFFECTS = (
     Input("strain_softening", 0.8),
     Input("rate_strengthening", 0.2),
@@ -64,13 +65,25 @@ EFFECTS = (
     Input("side_shear", 0.12),
     Input("side_friction", 0.15),
 )
+NAMES = tuple(one.name for one in EFFECTS)
 #: Drawn amplitudes, in top rungs of their ladders: beyond the top one, so that it is learned too.
 DRAWN = (0.05, 1.25)
+#: Runs with an effect from which on a model may learn it.
+LEAST_RUNS = 20
+#: Spacing of the runs that are learned from [m]. Some laws of effects have lengths and times of
+#: their own, which the model does not know: it has learned them where these runs were made.
+SPACING = 2.0
 
 
-def names(learned: int) -> tuple[str, ...]:
-    """Of the effects that a model has learned, from how many these are."""
-    return tuple(one.name for one in EFFECTS[:learned])
+def most(name: str) -> float:
+    """The largest amplitude, of either sign, that a model has learned from."""
+    return DRAWN[1] * effect(name).amplitude.ladder[-1]
+
+
+def learned_of(scenes: Iterable[Scene]) -> tuple[str, ...]:
+    """Effects that so many of the scenes have on that a model can learn them, as in EFFECTS."""
+    counts = Counter(name for scene in scenes for name in scene.effects)
+    return tuple(name for name in NAMES if counts[name] >= LEAST_RUNS)
 
 
 def inputs_of(scene: Scene, height: float, unit_kpa: float, unit_s: float) -> np.ndarray:
@@ -83,7 +96,8 @@ def inputs_of(scene: Scene, height: float, unit_kpa: float, unit_s: float) -> np
         unit_s: sqrt(height / g) [s].
 
     Raises:
-        InputError: an effect with other further numbers than its defaults.
+        InputError: an effect that no model has learned so: with other further numbers than its
+            defaults, with a larger amplitude, or at another spacing.
     """
     acting = {one.effect.name: one for one in effects_on(scene)}
     found = np.zeros(len(EFFECTS))
@@ -97,6 +111,15 @@ def inputs_of(scene: Scene, height: float, unit_kpa: float, unit_s: float) -> np
                     f"{active.parameters[number.name]:g}; the direct model knows "
                     f"{number.default:g} alone"
                 )
+        where = f"{scene.name}: effects: {one.name}"
+        if abs(active.amplitude) > 1.001 * most(one.name):
+            raise InputError(
+                f"{where}: {active.amplitude:g}; the direct model knows up to {most(one.name):g}"
+            )
+        if abs(scene.spacing / SPACING - 1.0) > 0.01:
+            raise InputError(
+                f"{where}: the direct model knows effects at a spacing of {SPACING:g} m alone"
+            )
         unit = unit_kpa**one.stress * unit_s**one.time * height**one.length
         found[place] = active.amplitude / (unit * one.large)
     return found
@@ -115,6 +138,6 @@ def draw_effects(scene: Scene, stream: Stream, count: int) -> Scene:
     return scene.changed(effects={**scene.effects, **drawn})
 
 
-def turned(inputs: Sequence[Input] = EFFECTS) -> list[int]:
+def turned() -> list[int]:
     """Places of those that change their sign in the mirror image."""
-    return [place for place, one in enumerate(inputs) if one.turned]
+    return [place for place, one in enumerate(EFFECTS) if one.turned]

@@ -27,8 +27,10 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from gns.direct.arrivals import SHARES
+from gns.direct.effects import NAMES
 from gns.direct.effects import turned as turned_effects
 from gns.direct.sections import COLUMN, DEEPEST, LAYERS, SectionColumns, places
+from pipeline.cli import InputError
 
 #: Strengths are taken as at least this [rho g height], for their logarithm.
 LEAST_STRENGTH = 3e-3
@@ -65,13 +67,18 @@ class DirectConfig:
         widths: channels of each level, from the finest.
         blocks: of each level, on the way down and on the way up.
         networks: whose mean is the answer; each has its own beginning and order of runs.
-        effects: how many of `gns.direct.effects.EFFECTS` it has learned, from the first on.
+        effects: that it has learned, names in the order of `gns.direct.effects.EFFECTS`.
     """
 
     widths: tuple[int, ...] = (64, 96, 128, 192)
     blocks: int = 2
     networks: int = 1
-    effects: int = 0
+    effects: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> list[int]:
+        """Of the features, those that it sees."""
+        return [*range(OF_SECTION), *(OF_SECTION + NAMES.index(name) for name in self.effects)]
 
 
 @dataclass(frozen=True)
@@ -266,8 +273,8 @@ class DirectNetwork(nn.Module):
         super().__init__()
         self.config = config
         widths = config.widths
-        self.channels = OF_SECTION + config.effects
-        self.stem = nn.Conv1d(TOGETHER * self.channels, widths[0], 3, padding=1)
+        self.channels = config.channels
+        self.stem = nn.Conv1d(TOGETHER * len(self.channels), widths[0], 3, padding=1)
         self.down = nn.ModuleList(
             nn.Conv1d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False)
         )
@@ -287,7 +294,7 @@ class DirectNetwork(nn.Module):
 
     def forward(self, seen: Tensor) -> Answer:
         """Answers for features (B, channels, C), of which it sees the effects it has learned."""
-        x = self.stem(_together(seen[:, : self.channels]))
+        x = self.stem(_together(seen[:, self.channels]))
         kept = []
         for block, down in zip(self.inward[:-1], self.down, strict=True):
             x = block(x)
@@ -320,18 +327,12 @@ class DirectNetwork(nn.Module):
         )
 
     def begin_with(self, other: DirectNetwork) -> None:
-        """Take the weights of one of the same size that has learned fewer effects, or as many.
-
-        Raises:
-            ValueError: it is of another size.
-        """
-        widths, blocks = self.config.widths, self.config.blocks
-        fewer = other.config.effects <= self.config.effects
-        if (other.config.widths, other.config.blocks) != (widths, blocks) or not fewer:
-            raise ValueError("another size, or more effects")
+        """Take the weights of one of the same size, of whose effects it learns all, and others."""
         weights = {name: value.clone() for name, value in other.state_dict().items()}
-        stem = torch.zeros_like(self.stem.weight)
-        stem[:, : other.stem.in_channels] = weights["stem.weight"]
+        stem, old = torch.zeros_like(self.stem.weight), weights["stem.weight"]
+        place = [self.channels.index(channel) for channel in other.channels]
+        # Channels of neighbouring columns follow each other (`_together`).
+        stem.unflatten(1, (-1, TOGETHER))[:, place] = old.unflatten(1, (-1, TOGETHER))
         self.load_state_dict({**weights, "stem.weight": stem})
 
     def both_ways(self, seen: Tensor) -> Answer:
@@ -366,6 +367,20 @@ class DirectNetwork(nn.Module):
 
 class DirectModel(nn.Module):
     """What answers: as many networks as the configuration says."""
+
+    def check_begin(self, other: DirectModel) -> None:
+        """Refuse to begin with a model that is no beginning of this one.
+
+        Raises:
+            InputError: it is of another size, has more networks, or has learned other effects.
+        """
+        own, old = self.config, other.config
+        same = (own.widths, own.blocks) == (old.widths, old.blocks)
+        if not same or old.networks > own.networks or set(old.effects) - set(own.effects):
+            raise InputError(
+                "--begin-with: is of another size, has more networks, or has learned effects that "
+                "too few of the runs have"
+            )
 
     def __init__(self, config: DirectConfig) -> None:
         super().__init__()

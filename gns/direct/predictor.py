@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from gns.data.distance import Neighbours
-from gns.direct.effects import EFFECTS, names
+from gns.direct.effects import NAMES
 from gns.direct.network import Answer, DirectConfig, DirectModel, features
 from gns.direct.sections import COLUMN, SectionColumns, places
 from pipeline.cli import InputError
@@ -91,7 +91,7 @@ class DirectPredictor:
     @property
     def effects(self) -> tuple[str, ...]:
         """Effects of the solver that it has learned."""
-        return names(self.model.config.effects)
+        return self.model.config.effects
 
     def check_learned(self, section: SectionColumns, name: str) -> None:
         """Refuse a section with an effect that it has not learned.
@@ -99,10 +99,10 @@ class DirectPredictor:
         Raises:
             InputError: `name` of the scene, and that of the effect.
         """
-        for one, amplitude in zip(EFFECTS, section.effects, strict=True):
-            if amplitude and one.name not in self.effects:
+        for one, amplitude in zip(NAMES, section.effects, strict=True):
+            if amplitude and one not in self.effects:
                 raise InputError(
-                    f"{name}: effects: {one.name} is on; this direct model has not learned it"
+                    f"{name}: effects: {one} is on; this direct model has not learned it"
                 )
 
     def predict(self, section: SectionColumns, before: np.ndarray) -> Forecast:
@@ -199,6 +199,7 @@ class DirectPredictor:
         try:
             kept = torch.load(path, map_location="cpu", weights_only=True)
             config = {**kept["config"], "widths": tuple(kept["config"]["widths"])}
+            config["effects"] = tuple(config.get("effects", ()))
             config.pop("corrected", None)  # of models saved before 0.2, which knew another kind
             model = DirectModel(DirectConfig(**config))
             model.load_state_dict(kept["weights"])

@@ -22,7 +22,7 @@ from geometry.random_scenes.hydraulic_fill_dam import draw_hydraulic_fill_dam
 from geometry.random_scenes.templates import draw_scene
 from geometry.scenes.scene import Scene
 from gns.direct.arrivals import Arrivals, arrivals_of
-from gns.direct.effects import DRAWN, EFFECTS, draw_effects
+from gns.direct.effects import DRAWN, NAMES, SPACING, draw_effects, learned_of
 from gns.direct.sections import check_settings
 from pipeline.cli import InputError
 from pipeline.files import atomic_path, content_hash
@@ -37,8 +37,6 @@ RUNS_PER_PART = 50
 DAMS_IN_TEN, HYDRAULIC_IN_TEN = 7, 3
 #: Effects of ten scenes: four have none, five one, one two.
 EFFECTS_IN_TEN = (0, 0, 0, 0, 1, 1, 1, 1, 1, 2)
-#: Spacing of the runs [m]; the model knows lengths in heights of the section alone.
-SPACING = 2.0
 #: Share of the template scenes with a pool, and the width of their domain [m].
 WATER_SHARE, WIDTH = 0.5, 400.0
 
@@ -174,6 +172,15 @@ def read_runs(folder: Path) -> Iterator[SlideRun]:
                 )
 
 
+def learned_effects(folder: Path) -> tuple[str, ...]:
+    """Effects that enough runs of a folder have on for a model to learn them.
+
+    Raises:
+        InputError: there are no runs.
+    """
+    return learned_of(run.scene for run in read_runs(folder))
+
+
 def _kept(
     scenes: dict[int, Scene], settings: SimulationSettings, threads: int | None
 ) -> list[SlideRun]:
@@ -200,7 +207,7 @@ def _kept_of(number: int, scene: Scene, run: Run) -> SlideRun:
 def _key(config: Config) -> str:
     """Of all settings that the runs follow from."""
     size = config.scale("coarse")
-    effects = [*(one.name for one in EFFECTS), *DRAWN, *EFFECTS_IN_TEN]
+    effects = [*NAMES, *DRAWN, *EFFECTS_IN_TEN]
     return content_hash(
         {
             "geometry": config.geometry,

@@ -23,7 +23,7 @@ from geometry.scenes.scene import Scene
 from geometry.sides import SIDES
 from geometry.survey.columns import column_height, kernel_length, toe
 from gns.data.scene_facts import check_base_physics
-from gns.direct.effects import EFFECTS, inputs_of
+from gns.direct.effects import NAMES, inputs_of
 from mpm_taichi.effects import acting_scene, effects_on, liquefied_zones
 from mpm_taichi.solver.water import WATER_DENSITY
 from pipeline.cli import InputError
@@ -123,8 +123,7 @@ def check_known(scene: Scene) -> None:
         InputError: an effect that no direct model knows, another law, soil that moves at t = 0, a
             ground of its own friction.
     """
-    known = (*FIELDS, *SCENES, *(one.name for one in EFFECTS))
-    check_base_physics(scene, "the direct model", known=known)
+    check_base_physics(scene, "the direct model", known=(*FIELDS, *SCENES, *NAMES))
     if any(any(zone.initial_velocity) for zone in scene.zones):
         raise InputError(
             f"{scene.name}: initial_velocity: the direct model knows soil at rest alone"

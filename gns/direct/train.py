@@ -196,9 +196,11 @@ def train(
         begin: networks whose weights the first so many of the model begin with; None: none.
 
     Raises:
-        InputError: these are of another size, or have learned more effects.
+        InputError: it is no beginning (`DirectModel.check_begin`).
     """
     model = DirectModel(config)
+    if begin is not None:
+        model.check_begin(begin)
     before = [] if begin is None else list(begin.networks)
     lessons = Lessons.of(one for one in samples if one.split == "train")
     for number in range(config.networks) if alone is None else [alone]:
@@ -269,7 +271,6 @@ def _network(
     begin: DirectNetwork | None,
 ) -> DirectNetwork:
     """One network: the one that is there, or trained, from its state on if there is one."""
-    plan = plan if begin is None else plan.later
     key = content_hash(
         {
             "lessons": lessons.key,
@@ -283,10 +284,7 @@ def _network(
     torch.manual_seed(plan.seed)
     network = DirectNetwork(config)
     if begin is not None:
-        try:
-            network.begin_with(begin)
-        except ValueError as error:
-            raise InputError(f"--begin-with: {error} than the model to train") from None
+        network.begin_with(begin)
     done, state = folder / f"network_{number}.pt", folder / f"state_{number}.pt"
     kept = _kept(done, key)
     if kept is not None:

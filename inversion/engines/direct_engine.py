@@ -25,6 +25,7 @@ from geometry.survey.measured import Measured, Reading
 from geometry.survey.no_flow import NoFlow
 from geometry.survey.toe_runout import ToeRunout
 from gns.data.distance import FARTHEST
+from gns.direct.effects import most
 from gns.direct.predictor import MODEL_FILE, DirectPredictor, Forecast
 from gns.direct.sections import (
     SectionColumns,
@@ -279,9 +280,9 @@ def shipped(name: str) -> DirectEngine:
     return DirectEngine(_loaded(shipped_folder(MODELS) / name / MODEL_FILE))
 
 
-def learned_effects(name: str) -> tuple[str, ...]:
-    """Effects of the solver that a model that ships under a name has learned."""
-    return shipped(name).predictor.effects
+def learned_effects(name: str) -> dict[str, float]:
+    """Effects that a model that ships under a name has learned, and up to which amplitude."""
+    return {one: most(one) for one in shipped(name).predictor.effects}
 
 
 @cache
@@ -312,6 +313,10 @@ def unseen(before: SectionSetup, after: SectionSetup) -> str:
     if before.scene.ground != after.scene.ground:
         return "the direct model has learned from level and evenly sloping ground alone"
     own, other = sections
+    try:
+        shipped("direct").predictor.check_learned(other, after.scene.name)
+    except InputError as error:
+        return str(error).removeprefix(f"{after.scene.name}: ")
     if all(np.array_equal(getattr(own, name), getattr(other, name)) for name in vars(own)):
         return "the direct model does not see it"
     return ""

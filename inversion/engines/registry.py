@@ -7,7 +7,7 @@ it by its name. Nothing heavy is imported before an engine is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -44,8 +44,8 @@ class Engine:
         effects: it simulates the physical effects of a scene, and whatever may be assumed of its
             soils, its water and its ground.
         reads: whether it can predict a measurement.
-        learned_effects: of an engine without effects: names of those that it predicts all the
-            same, with the default values of their further numbers; None: none.
+        learned_effects: of an engine without effects: those that it predicts all the same, with
+            the default values of their further numbers, and up to which amplitude; None: none.
         unseen: of an engine without effects: reason why it cannot predict a changed setup, or would
             ignore the change; empty if it can. None: only changes of section and survey count.
         waterfall: it can solve the steps of a waterfall, which may be sections of other cases.
@@ -63,7 +63,7 @@ class Engine:
     trained: bool = False
     effects: bool = True
     reads: Callable[[Measured], bool] = lambda entry: True
-    learned_effects: Callable[[], Sequence[str]] | None = None
+    learned_effects: Callable[[], Mapping[str, float]] | None = None
     unseen: Callable[[SectionSetup, SectionSetup], str] | None = None
     waterfall: bool = True
     extra: str = ""
@@ -151,7 +151,7 @@ def _direct(store: Store) -> Forward:
     return shipped("direct")
 
 
-def _learned_by_direct() -> Sequence[str]:
+def _learned_by_direct() -> Mapping[str, float]:
     from inversion.engines.direct_engine import learned_effects
 
     return learned_effects("direct")

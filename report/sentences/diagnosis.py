@@ -364,9 +364,12 @@ def strength_sentences(data: DiagnosisData) -> list[str]:
 
 def bound(p: ParameterWords, stage: FittedModelSummary) -> str:
     """The bound on which a parameter rests in a model, in words; empty: on none."""
-    near = 1e-3 * (p.high - p.low)
     value = stage.values.get(p.name, math.nan)
-    return "lower" if value <= p.low + near else "upper" if value >= p.high - near else ""
+    low, high = p.low, p.high
+    if min(low, value) > 0.0:  # strengths are fitted as logarithms, whose bounds may be far apart
+        value, low, high = math.log(value), math.log(low), math.log(high)
+    near = 1e-3 * (high - low)
+    return "lower" if value <= low + near else "upper" if value >= high - near else ""
 
 
 def bound_sentence(data: DiagnosisData) -> str:

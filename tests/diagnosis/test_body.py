@@ -30,7 +30,7 @@ from inversion.problem.state import State, state
 from mpm_taichi.effects import effects
 from pipeline.cli import InputError
 from pipeline.config import load_config
-from pipeline.files import write_text, yaml_text
+from pipeline.files import read_yaml, write_text, yaml_text
 from report.sentences.finding import headline
 from report.table import plain
 
@@ -302,6 +302,9 @@ def test_a_hypothesis_assumes_otherwise(bank):
     assert (
         plain.setup.scene.spacing == 2.0 and asked(bank, spacing_m=4.0).setup.scene.spacing == 4.0
     )
+    both = {"density_of_fill": 95.0, "bonded_base": 1.0}
+    soil = asked(bank, hypothesis=Hypothesis(effects=both)).setup.scene.soil
+    assert soil.materials["fill"].density == two and soil.contact == "no_slip"
     shifted = asked(bank, hypothesis=Hypothesis(effects={"datum_shift": 0.5}))
     assert shifted.setup.targets.measured == pytest.approx(plain.setup.targets.measured - 0.5)
     for change, words in (
@@ -314,6 +317,18 @@ def test_a_hypothesis_assumes_otherwise(bank):
         "scene3d.yaml", "measurements3d.yaml", "inversion.yaml", "diagnosis.yaml", "surface.tif",
         "base.tif", "after.tif",
     }  # fmt: skip
+
+
+def test_a_share_of_a_parameter_counts_beside_another_base(bank):
+    scene = read_yaml(bank / "scene3d.yaml")
+    scene["terrain"]["materials"]["fill"]["liquefied"] = True
+    write_text(bank / "scene3d.yaml", yaml_text(scene))
+    shared = {**STRENGTH, "zones": ["crust", "slimes"]}
+    write_text(bank / "inversion.yaml", yaml_text({"parameters": [shared], "loss": "misfit"}))
+    both = Hypothesis(effects={"contrast_of_crust": 0.5, "bonded_base": 1.0})
+    setup = asked(bank, hypothesis=both).setup
+    assert setup.factors == {"crust": pytest.approx(np.exp(0.5))}
+    assert setup.scene.soil.contact == "no_slip"
 
 
 def surveyed(folder, setup, raised: float) -> None:

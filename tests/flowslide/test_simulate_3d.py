@@ -115,6 +115,7 @@ def test_a_line_the_wrong_way_round_is_told():
     said = "crossed gauge to the left, seen from the first end"
     assert said in warning([], {"volume_across_gauge_m3": -3.0, "volume_across_road_m3": 2.0})
     assert warning([], {"volume_across_road_m3": 2.0, "toe_runout_m": -1.0}) == ""
+    assert warning([], {"volume_across_road_m3": -2.0, "volume_moved_m3": 300.0}) == ""
     moments = {"mean": -3.0, "std": 0.0}
     quantity = {"name": "volume across gauge", "type": "reading", "censored": False, **moments}
     document = {"inundation": [], "quantities": [{**quantity, "first_order": moments}],

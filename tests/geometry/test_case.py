@@ -31,6 +31,7 @@ def test_a_body_is_no_case(bare):
     body = bare / "scene3d.yaml"
     body.write_text("ground: ground.tif\n")
     assert load_case(bare).name == "dam", "a section over a width"
+    assert load_case(bare / "scene.yaml").folder == bare
     (bare / "scene.yaml").unlink()
     for place in (bare, body):
         with pytest.raises(InputError, match="a body in three dimensions; this takes a section"):

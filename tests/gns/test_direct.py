@@ -13,7 +13,7 @@ from flowslide.commands.gns import direct_train
 from geometry.random_scenes.embankment_dam import draw_dam
 from gns.direct import runs as runs_module
 from gns.direct.arrivals import SHARES, arrivals_of
-from gns.direct.effects import EFFECTS
+from gns.direct.effects import LEAST_RUNS, NAMES, learned_of
 from gns.direct.judge import calibrated, card, judged, judged_run
 from gns.direct.network import (
     OF_SECTION,
@@ -435,9 +435,8 @@ def test_a_shipped_model_belongs_to_its_card(folder):
 
 
 def with_channel(*effects: str) -> list[int]:
-    """Channels of the features of `effects`, by their place in EFFECTS."""
-    names_ = [one.name for one in EFFECTS]
-    return [OF_SECTION + names_.index(name) for name in effects]
+    """Channels of the features of `effects`."""
+    return [OF_SECTION + NAMES.index(name) for name in effects]
 
 
 def seen_of(scene, toes=None):
@@ -461,8 +460,14 @@ def test_effects_are_seen_in_units_of_the_section():
     )
     with pytest.raises(InputError, match="weak_base: x_to_m: 9; the direct model knows 1e"):
         section_of(scene.changed(effects={"weak_base": {"amplitude": 0.1, "x_to_m": 9.0}}))
-    with pytest.raises(InputError, match="dilatancy is on; the direct model"):
-        section_of(scene.changed(effects={"dilatancy": 0.1}))
+    for effects, words in (
+        ({"dilatancy": 0.1}, "dilatancy is on; the direct model"),
+        ({"side_shear": 3.0}, "side_shear: 3; the direct model knows up to 0.15"),
+    ):
+        with pytest.raises(InputError, match=words):
+            section_of(scene.changed(effects=effects))
+    with pytest.raises(InputError, match="weak_base: the direct model knows effects at a spacing"):
+        section_of(draw_dam(0, 3, 1.5).changed(effects={"weak_base": 0.1}))
 
 
 def test_a_pool_level_is_another_water():
@@ -483,33 +488,39 @@ def test_shaking_changes_its_sign_in_the_mirror_image():
 
 def test_networks_begin_with_those_that_have_learned_fewer_effects():
     torch.manual_seed(0)
-    old, new = DirectNetwork(SMALL), DirectNetwork(replace(SMALL, effects=len(EFFECTS)))
+    few, all_of = replace(SMALL, effects=("weak_base",)), replace(SMALL, effects=NAMES)
+    old, new = DirectNetwork(few), DirectNetwork(all_of)
     for parameter in old.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     new.begin_with(old)
-    seen = seen_of(draw_dam(0, 3, 2.0).changed(effects={"weak_base": 0.1})).float()
+    on = {"weak_base": 0.1, "shaking": 0.3}
+    seen = seen_of(draw_dam(0, 3, 2.0).changed(effects=on)).float()
     old.eval(), new.eval()
+    plain = seen_of(draw_dam(0, 3, 2.0)).float()
+    assert not torch.allclose(old(seen).toes, old(plain).toes, atol=1e-4), "it sees the base"
     for one, other in zip(vars(old(seen)).values(), vars(new(seen)).values(), strict=True):
-        assert torch.allclose(one, other, atol=1e-6), "what is new counts for nothing yet"
-    with torch.no_grad():
-        new.stem.weight[:, -1] = 1.0
-    with pytest.raises(ValueError, match="more effects"):
-        old.begin_with(new)
-    with pytest.raises(ValueError, match="another size"):
-        new.begin_with(DirectNetwork(replace(SMALL, blocks=1)))
+        assert torch.allclose(one, other, atol=1e-5), "what is new counts for nothing yet"
+    DirectModel(all_of).check_begin(DirectModel(few))
+    for own, begin in (
+        (few, all_of),
+        (replace(all_of, blocks=1), few),
+        (all_of, replace(few, networks=2)),
+    ):
+        with pytest.raises(InputError, match="--begin-with: is of another size"):
+            DirectModel(own).check_begin(DirectModel(begin))
 
 
 def test_a_training_may_begin_with_a_model(samples, tmp_path):
-    config, plan = replace(SMALL, effects=2), TrainingPlan(steps=2, batch=4, save_every=1)
+    config, plan = replace(SMALL, effects=NAMES[:2]), TrainingPlan(steps=2, batch=4, save_every=1)
     torch.manual_seed(0)
     begin, lines = DirectModel(SMALL), []
     found = train(samples, tmp_path, config, plan, lines.append, begin=begin)
-    assert len(lines) == 2 and found.config.effects == 2
+    assert len(lines) == 2 and found.config.effects == NAMES[:2]
     train(samples, tmp_path, config, plan, lines.append, begin=begin)
     assert len(lines) == 2, "it is there"
     train(samples, tmp_path, config, plan, lines.append)
     assert len(lines) == 4, "another beginning is another training"
-    with pytest.raises(InputError, match="--begin-with: another size"):
+    with pytest.raises(InputError, match="--begin-with: is of another size"):
         train(samples, tmp_path, replace(config, blocks=1), plan, lines.append, begin=begin)
     late = TrainingPlan(steps=30000).later
     assert late.rate == 1e-3 and late.first_cycle == 30000
@@ -522,6 +533,8 @@ def test_of_ten_slides_six_have_effects_that_can_act_in_them():
     assert 0.3 < np.mean(np.array(counts) == 0) < 0.55 and max(counts) == 2
     assert len({one.effect.name for slide in slides for one in effects_on(slide)}) > 10
     for slide in slides:
-        assert np.array_equal(section_of(slide).effects != 0.0, [
-            one.name in slide.effects for one in EFFECTS
-        ])  # fmt: skip
+        on = [name in slide.effects for name in NAMES]
+        assert np.array_equal(section_of(slide).effects != 0.0, on)
+    once = slides[0].changed(effects={"weak_base": 0.1, "pool_level": 1.0})
+    assert learned_of([once] * LEAST_RUNS) == ("weak_base",)
+    assert learned_of([once] * (LEAST_RUNS - 1)) == ()

@@ -13,7 +13,7 @@ from diagnosis.hypotheses.engine_model import EngineModel
 from diagnosis.options import Options
 from geometry.case import load_case
 from geometry.survey.toe_history import ToeHistory
-from gns.direct.effects import EFFECTS
+from gns.direct.effects import NAMES, most
 from gns.direct.network import DirectConfig, DirectModel
 from gns.direct.predictor import DirectPredictor, Forecast, described
 from gns.direct.sections import check_settings, section_of
@@ -43,7 +43,7 @@ QUICK = [
 ]  # fmt: skip
 
 
-def predictor_near(section, effects: int = 0) -> DirectPredictor:
+def predictor_near(section, effects: tuple[str, ...] = ()) -> DirectPredictor:
     """An untrained model that has seen this section, and does not ignore what it is given."""
     torch.manual_seed(1)
     model = DirectModel(DirectConfig((8, 8, 8, 8), effects=effects))
@@ -103,25 +103,27 @@ def test_a_diagnosis_asks_it_for_nothing_that_it_cannot_read(setup):
 
 
 def test_effects_that_it_has_learned_are_on_trial_and_others_refused(setup):
-    names = [one.name for one in EFFECTS]
-    learned = DirectEngine(predictor_near(section_of(setup.scene), len(EFFECTS)))
-    known = replace(engine_named("direct"), forward=lambda store: learned)
-    known = replace(known, learned_effects=lambda: learned.predictor.effects)
+    setup = setup.at_spacing(2.0, "test")
+    learned = DirectEngine(predictor_near(section_of(setup.scene), NAMES))
+    known = replace(
+        engine_named("direct"),
+        forward=lambda store: learned,
+        learned_effects=lambda: {name: most(name) for name in learned.predictor.effects},
+    )
     model = EngineModel(setup, RunStore(None, threads=1), engine=known)
     physics = {one.name for one in model.candidates if one.family == "physics"}
-    assert {"remoulding", "shaking"} < physics <= set(names)
+    assert {"remoulding", "shaking"} < physics <= set(NAMES)
     assert "has no such effect" in model.left_out["spatial_variability"]
+    assert {one.high for one in model.candidates if one.name == "side_shear"} == {0.15}
     state = State(tuple(float(value) for value in setup.parameters.start))
     base, shaken = model.predict([state, state.with_effects({"shaking": 0.3})])
     assert np.nanmax(np.abs(shaken - base)) > 0.0
     numbers = {"shaking": {"frequency_hz": 2.0}}
     model = EngineModel(setup, RunStore(None, threads=1), engine=known, numbers=numbers)
-    assert "has no such effect" in model.left_out["shaking"]
+    assert "knows its default numbers alone" in model.left_out["shaking"]
     on = replace(setup, scene=setup.scene.changed(effects={"remoulding": 0.4}))
-    for engine in (engine_of(setup), DirectEngine(shipped("direct").predictor, anywhere=True)):
-        if "remoulding" not in engine.predictor.effects:
-            with pytest.raises(InputError, match="effects: remoulding is on; this direct model"):
-                engine.predict([on.at(setup.parameters.start)])
+    with pytest.raises(InputError, match="effects: remoulding is on; this direct model"):
+        engine_of(setup).predict([on.at(setup.parameters.start)])
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from geometry.terrain.raster import Raster, hillshade
 from mpm_taichi.readings3d import maps_of, readings_3d
 from mpm_taichi.solver3d.problem import problem_of
 from mpm_taichi.trajectory3d import Run3d
+from report.simulation3d import warning
 from tests.studio.bodies import write_bank, write_gully
 from tests.studio.messages import unpack
 
@@ -63,14 +64,21 @@ def test_a_run_is_shown_from_its_first_to_its_last_frame(bank):
     run = pushed(problem)
     header, arrays = unpack(
         slide_message(
-            scene, problem, run, [], ["x_max"], None, duration_s=8.0, job="20261128-090000-abcdef"
+            scene,
+            problem,
+            run,
+            [],
+            warning(["x_max"], {}),
+            None,
+            duration_s=8.0,
+            job="20261128-090000-abcdef",
         )
     )
     assert len(header["times"]) == 60 and header["frames_of_run"] == 70
     assert header["times"][0] == 0.0 and header["times"][-1] == pytest.approx(6.9)
     assert "Soil reached the wall at x_max" in header["warning"]
     assert header["came_to_rest"]
-    short = slide_message(scene, problem, run, [], [], None, duration_s=6.9)
+    short = slide_message(scene, problem, run, [], "", None, duration_s=6.9)
     assert not unpack(short)[0]["came_to_rest"] and unpack(short)[0]["warning"] == ""
     assert header["job"] == "20261128-090000-abcdef"
     volume = arrays["thickness"].sum(axis=(1, 2)) * header["cell_m"] ** 2

@@ -81,7 +81,8 @@ def plan_by_codes(benchmark: Benchmark) -> list[PlannedByCode]:
 
     def of_next_family(code: str, able: Sequence[str], *deck: Any) -> str:
         if not any(THINGS[name].families for name in able):
-            raise InputError(f"{code}: hides nothing that can stand beside {', '.join(deck)}")
+            beside = f" that can stand beside {', '.join(deck)}" if deck else ""
+            raise InputError(f"{code}: hides nothing of a family{beside}")
         family = families.deal()
         while not (members := [n for n in able if family in THINGS[n].families]):
             family = families.deal()

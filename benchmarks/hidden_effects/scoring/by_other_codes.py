@@ -233,7 +233,7 @@ def _line(one: ByCode) -> dict[str, Any]:
         "verdict": digest.verdict,
         "named": list(digest.effects),
         "families": sorted(one.families),
-        "right": one.right,
+        "right": one.right or one.found_pair,
         "strength": strengths,  # true, without what is named, with it
     }
 

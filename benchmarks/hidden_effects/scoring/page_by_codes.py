@@ -130,8 +130,11 @@ def _number(value: float | None) -> str:
 def _strength(path: Path, cases: Sequence[ByCode]) -> Path:
     """S_r of the base model and of the answer over the truth, by kind."""
     figure = new_figure(3.4, 7.0)
-    for place, (kind, words) in enumerate(KINDS.items()):
-        ax = figure.add_axes((0.08 + 0.31 * place, 0.14, 0.27, 0.7))
+    there = {one.judged.truth["kind"] for one in cases}
+    shown = [pair for pair in KINDS.items() if pair[0] in there]
+    step = 0.93 / len(shown)
+    for place, (kind, words) in enumerate(shown):
+        ax = figure.add_axes((0.08 + step * place, 0.14, step - 0.04, 0.7))
         own = [one.judged for one in cases if one.judged.truth["kind"] == kind]
         for one in own:
             name, true = next(iter(one.truth["parameters"].items()))

@@ -51,6 +51,7 @@ SETS = (
     OpenedSet("fourth", "SPH", "foreign_fourth", "foreign_fourth_results", "a166415"),
     OpenedSet("fifth", "SPH", "foreign_fifth", "foreign_fifth_results", "59c55b9"),
     OpenedSet("sixth", "SPH", "foreign_sixth", "foreign_sixth_results", "05a9d15"),
+    OpenedSet("seventh", "SPH", "foreign_seventh", "foreign_seventh_results", "d6d852f"),
     OpenedSet("pore water", "own solver", "pore_water", "pore_water_results", "7329293"),
     OpenedSet(
         "pore water, second",

@@ -42,10 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Train, calibrate, judge, write."""
-    from gns.direct.effects import EFFECTS
     from gns.direct.judge import calibrated, card, table_text, write_card
-    from gns.direct.network import DirectConfig
+    from gns.direct.network import DirectConfig, DirectModel
     from gns.direct.predictor import MODEL_FILE, DirectPredictor
+    from gns.direct.runs import learned_effects
     from gns.direct.train import TrainingPlan, read_samples, train
     from gns.training.processes import use_threads
     from pipeline.cli import InputError, at_least_one
@@ -58,16 +58,19 @@ def run(arguments: argparse.Namespace) -> None:
     plan = TrainingPlan()
     if arguments.steps is not None:
         plan = replace(plan, steps=at_least_one("--steps", arguments.steps))
+    data = Path(arguments.data or base / "runs")
     networks = at_least_one("--networks", arguments.networks)
-    size = DirectConfig(networks=networks, effects=len(EFFECTS))
+    alone = arguments.network
+    if alone is not None and not 1 <= alone <= networks:
+        raise InputError(f"--network: {alone}; allowed are 1 to {networks} (--networks)")
+    size = DirectConfig(networks=networks, effects=learned_effects(data))
     given = arguments.begin_with
     begin = None if given is None else DirectPredictor.load(Path(given)).model
-    alone = arguments.network
-    if alone is not None and not 1 <= alone <= size.networks:
-        raise InputError(f"--network: {alone}; allowed are 1 to {size.networks} (--networks)")
+    if begin is not None:
+        DirectModel(size).check_begin(begin)  # before all runs are encoded
+        plan = plan.later
     use_threads(arguments.threads)
     with Progress(0, "direct model", quiet=arguments.quiet) as bar:
-        data = Path(arguments.data or base / "runs")
         if alone is not None:
             some = read_samples(data, ["train"])
             train(some, folder, size, plan, bar.say, alone=alone - 1, begin=begin)
@@ -84,6 +87,8 @@ def run(arguments: argparse.Namespace) -> None:
             "restart_at": plan.first_cycle,
             "seed": plan.seed,
             "networks": size.networks,
+            "effects": list(size.effects),
+            "begun with": None if given is None else Path(given).name,
         },
     )
     write_card(folder, MODEL_FILE, facts)
