@@ -32,9 +32,9 @@ WITHOUT_ROOMS = {"pipeline"}
 # how the interface opens it (flowslide/*.py, 20 lines), the soil that both kinds of setup have
 # (inversion/estimation, 15 lines); sentences of a verdict, which diagnosis/verdict gives
 # (report/sentences, 150 lines), and the reasons in their place (diagnosis/*.py, 30 lines). Effects
-# as inputs of the direct model, and a training that begins with a model (gns/direct, 190 lines);
+# as inputs of the direct model, and a training that begins with a model (gns/direct, 230 lines);
 # one class of an unknown (inversion/problem, 190 lines, which inversion/estimation and posterior
-# give); assumptions of which one replaces the other (diagnosis/hypotheses, 30 lines), and lines the
+# give); assumptions of which one replaces the other (diagnosis/hypotheses, 50 lines), and lines the
 # wrong way round (report/*.py, 20 lines).
 LINES = {
     "pipeline": 2500,
@@ -53,10 +53,10 @@ LINES = {
     "mpm_taichi/materials": 480,
     "mpm_taichi/solver": 4110,
     "mpm_taichi/solver3d": 1760,
-    "gns": 9670,
+    "gns": 9710,
     "gns/*.py": 30,
     "gns/data": 2430,
-    "gns/direct": 2140,
+    "gns/direct": 2180,
     "gns/evaluation": 980,
     "gns/network": 2060,
     "gns/rollout": 770,
@@ -73,10 +73,10 @@ LINES = {
     "inversion/posterior": 2070,
     "inversion/prediction": 2050,
     "inversion/problem": 1230,
-    "diagnosis": 10960,
+    "diagnosis": 10980,
     "diagnosis/*.py": 1940,
     "diagnosis/adequacy": 710,
-    "diagnosis/hypotheses": 2980,
+    "diagnosis/hypotheses": 3000,
     "diagnosis/selection": 3040,
     "diagnosis/signatures": 610,
     "diagnosis/verdict": 1730,
@@ -89,7 +89,7 @@ LINES = {
     "report/tables": 2130,
     "flowslide": 10260,
     "flowslide/*.py": 1810,
-    "flowslide/commands": 3810,
+    "flowslide/commands": 3820,
     "flowslide/studio": 4690,
     "benchmarks": 22200,
     "benchmarks/*.py": 610,
