@@ -1,4 +1,4 @@
-"""`flowslide gns direct-runs`: random sections, simulated at a spacing and at twice that."""
+"""`flowslide gns direct-runs`: random sections, with and without effects, simulated once each."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pipeline.cli import InputError, add_common
 PARTS = 130
 
 DESCRIPTION = (
-    "Draw random dams and slopes and simulate each at 2 m and at 4 m spacing, for the direct "
-    "models. Started again after a kill, it goes on with the parts that are missing."
+    "Draw random dams and slopes, six of ten with effects, and simulate each at 2 m spacing, for "
+    "the direct model. Started again after a kill, it goes on with the parts that are missing."
 )
 
 
