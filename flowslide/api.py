@@ -680,7 +680,7 @@ def predict(
         Cancelled: the caller asked for it.
     """
     from geometry.case import Case
-    from geometry.scenes3d.scene3d import is_body, or_its_section
+    from geometry.scenes3d.scene3d import is_body
 
     run = Call.of(SectionOptions, options)
     read = _strengths(strengths, ratios, posterior, joint, zones, distribution)
@@ -690,8 +690,7 @@ def predict(
     with run.folder(out) as folder:
         if not isinstance(case, Case) and is_body(case):
             if engine not in (None, "mpm", "mpm3d"):
-                words = f"{os.fspath(case)}{or_its_section(case)}"
-                raise InputError(f"--engine {engine}: not in three dimensions ({words})")
+                raise InputError(f"--engine {engine}: not in three dimensions ({case})")
             if through_m is not None:
                 raise InputError("--through: of a section; a scene3d.yaml names its lines")
             return _predict_body(

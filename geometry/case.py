@@ -198,7 +198,7 @@ def load_case(place: str | Path, config: Config | None = None) -> Case:
     folder, config = resolve(place, CASES), config or Config()
     if folder.name == SCENE_FILE and folder.is_file():
         folder = folder.parent
-    if folder.exists() and is_body(folder) and not (folder / SCENE_FILE).is_file():
+    if folder.exists() and is_body(folder):
         raise InputError(
             f"{folder}: a body in three dimensions; this takes a section ({SCENE_FILE})"
         )

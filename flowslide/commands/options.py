@@ -142,8 +142,6 @@ def refuse_in_3d(arguments: argparse.Namespace, given: Mapping[str, object]) -> 
     Raises:
         InputError: the first of them.
     """
-    from geometry.scenes3d.scene3d import or_its_section
-
     shared = {
         "--device cuda": getattr(arguments, "device", "cpu") != "cpu",
         "--effects": arguments.effect_files,
@@ -151,8 +149,7 @@ def refuse_in_3d(arguments: argparse.Namespace, given: Mapping[str, object]) -> 
     }
     for option, present in {**given, **shared}.items():
         if present:
-            case = arguments.case
-            raise InputError(f"{option}: not in three dimensions ({case}{or_its_section(case)})")
+            raise InputError(f"{option}: not in three dimensions ({arguments.case})")
 
 
 def check(arguments: argparse.Namespace) -> None:

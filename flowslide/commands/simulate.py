@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, write, print."""
     from flowslide import api
+    from geometry.scenes3d.scene3d import FILE_NAME as BODY_FILE
     from geometry.scenes3d.scene3d import is_body
     from mpm_taichi import comparison
     from pipeline.config import load_config
@@ -79,6 +80,8 @@ def run(arguments: argparse.Namespace) -> None:
     print(comparison.energy_line(done.run))
     if water := comparison.water_line(done.run):
         print(water)
+    if (beside := case.folder / BODY_FILE).is_file():
+        print(f"In three dimensions: flowslide simulate {beside}")
     print(f"Picture: {out / 'runout.png'}; numbers: {out / 'observables.csv'}", end="")
     print("" if film == "none" else f"; film: {out / 'runout'}.{film}")
 

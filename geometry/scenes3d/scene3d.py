@@ -333,19 +333,13 @@ def plan_domain(scene: Scene3d) -> tuple[float, float, float, float]:
     return x_min, x_min + along * cell, y_min, y_min + across * cell
 
 
-def or_its_section(place: str | PathLike[str]) -> str:
-    """How to name the section of a folder that counts as a body; empty: it has none."""
-    section = resolve(place, CASES) / "scene.yaml"
-    return f"; its section is {section}" if section.is_file() else ""
-
-
 def is_body(place: str | PathLike[str]) -> bool:
-    """True for a `scene3d.yaml`, and for a folder with one that is no case with a measured section.
+    """True for a `scene3d.yaml`, and for a folder with one that has no section of its own.
 
-    Such a case may have a `scene3d.yaml` as well, for the width of its section. A folder may be
-    named as a case is.
+    A case with a section may have a `scene3d.yaml` as well, for its width. A folder may be named as
+    a case is.
     """
     path = resolve(place, CASES)
-    if path.name == FILE_NAME or not (path / FILE_NAME).is_file():
-        return path.name == FILE_NAME
-    return not all((path / name).is_file() for name in ("scene.yaml", "measurements.yaml"))
+    return path.name == FILE_NAME or (
+        (path / FILE_NAME).is_file() and not (path / "scene.yaml").is_file()
+    )

@@ -31,8 +31,8 @@ def slab(tmp_path):
     """A bank of clay over 8 m, at 1 m."""
     folder = tmp_path / "slab"
     folder.mkdir()
-    write_text(folder / "scene.yaml", yaml_text(slab_scene(spacing=1.0)))
-    section = {"file": "scene.yaml", "width_m": 8.0}
+    write_text(folder / "section.yaml", yaml_text(slab_scene(spacing=1.0)))
+    section = {"file": "section.yaml", "width_m": 8.0}
     lines = {"gauge": [[25.0, 0.0], [25.0, 8.0]]}
     document = {"name": "slab", "section": section, "flanks": "smooth", "lines": lines}
     write_text(folder / "scene3d.yaml", yaml_text(document))
@@ -47,10 +47,10 @@ def test_check_and_show(slab, tmp_path, capsys):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_case_with_a_measured_section_is_that_unless_the_file_is_named(root, tmp_path):
+def test_a_case_with_a_section_is_that_unless_the_file_is_named(root, tmp_path):
     case = root / "case_histories/lower_san_fernando"
     assert not is_body(case) and is_body(case / "scene3d.yaml")
-    for file in ("scene.yaml", "scene3d.yaml", "measurements.yaml"):
+    for file in ("scene3d.yaml", "scene.yaml"):  # without measurements it is the same
         (tmp_path / file).write_text((case / file).read_text())
         assert is_body(tmp_path) == (file == "scene3d.yaml")
     wide = load_scene_3d(case)
