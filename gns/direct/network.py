@@ -368,6 +368,11 @@ class DirectNetwork(nn.Module):
 class DirectModel(nn.Module):
     """What answers: as many networks as the configuration says."""
 
+    def __init__(self, config: DirectConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.networks = nn.ModuleList(DirectNetwork(config) for _ in range(config.networks))
+
     def check_begin(self, other: DirectModel) -> None:
         """Refuse to begin with a model that is no beginning of this one.
 
@@ -381,11 +386,6 @@ class DirectModel(nn.Module):
                 "--begin-with: is of another size, has more networks, or has learned effects that "
                 "too few of the runs have"
             )
-
-    def __init__(self, config: DirectConfig) -> None:
-        super().__init__()
-        self.config = config
-        self.networks = nn.ModuleList(DirectNetwork(config) for _ in range(config.networks))
 
     def forward(self, seen: Tensor) -> Answer:
         """The mean of the networks' answers both ways.

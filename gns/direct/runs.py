@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -150,26 +150,20 @@ def read_runs(folder: Path) -> Iterator[SlideRun]:
     Raises:
         InputError: there are none.
     """
-    files = sorted(folder.glob("runs_*.npz"))
-    if not files:
-        raise InputError(f"{folder}: has no runs_PPPP.npz; flowslide gns direct-runs makes them")
-    for path in files:
-        with np.load(path, allow_pickle=False) as file:
-            for number in file["numbers"]:
-                scene = Scene.model_validate_json(str(file[f"{number}_scene"]))
-                initial = file[f"{number}_fine_initial"]
-                # Before physics 7 every point had the volume of a square of the lattice.
-                squares = np.full(len(initial), scene.spacing**2, np.float32)
-                yield SlideRun(
-                    int(number),
-                    scene,
-                    initial,
-                    file[f"{number}_fine_final"],
-                    file.get(f"{number}_fine_volume", squares),
-                    float(file[f"{number}_fine_facts"][0]),
-                    bool(file[f"{number}_fine_facts"][1]),
-                    Arrivals(file[f"{number}_fine_toes_s"], file[f"{number}_fine_way_s"]),
-                )
+    for file, number, scene in _stored(folder):
+        initial = file[f"{number}_fine_initial"]
+        # Before physics 7 every point had the volume of a square of the lattice.
+        squares = np.full(len(initial), scene.spacing**2, np.float32)
+        yield SlideRun(
+            number,
+            scene,
+            initial,
+            file[f"{number}_fine_final"],
+            file.get(f"{number}_fine_volume", squares),
+            float(file[f"{number}_fine_facts"][0]),
+            bool(file[f"{number}_fine_facts"][1]),
+            Arrivals(file[f"{number}_fine_toes_s"], file[f"{number}_fine_way_s"]),
+        )
 
 
 def learned_effects(folder: Path) -> tuple[str, ...]:
@@ -178,7 +172,19 @@ def learned_effects(folder: Path) -> tuple[str, ...]:
     Raises:
         InputError: there are no runs.
     """
-    return learned_of(run.scene for run in read_runs(folder))
+    return learned_of(scene for _, _, scene in _stored(folder))
+
+
+def _stored(folder: Path) -> Iterator[tuple[Any, int, Scene]]:
+    """Of each run its open file, whose arrays are read where they are asked for, number, scene."""
+    files = sorted(folder.glob("runs_*.npz"))
+    if not files:
+        raise InputError(f"{folder}: has no runs_PPPP.npz; flowslide gns direct-runs makes them")
+    for path in files:
+        with np.load(path, allow_pickle=False) as file:
+            for number in file["numbers"]:
+                scene = Scene.model_validate_json(str(file[f"{number}_scene"]))
+                yield file, int(number), scene
 
 
 def _kept(
